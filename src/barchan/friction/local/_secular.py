@@ -1,0 +1,248 @@
+"""Exact solution of one block by a scalar secular equation, for any block size and any law of the family.
+
+With J = diag(-mu zeta, 1, ..., 1) a sliding block satisfies (W + a J) r = -b for some a > 0 and |r_T| = sigma + mu r_N.
+In the eigenbasis of the Schur complement T = W_TT - w w^T / W_NN both r_N and r_T are rational in a: one scalar equation
+remains (issue note; seed B 4.1.2 gives the quartic of the case s = 3). Cost: O(s^2) once per block solve, O(s) per step.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+_MAX_STEPS = 60
+_PRECISION = 1e-13
+_NO_FRICTION = 1e-14
+_MAX_DOUBLINGS = 100
+_MAX_BISECTIONS = 200
+
+
+def local_width(s: int) -> int:
+    """Number of floats stored per block: W_NN, the coupling, the eigenvalues and the eigenvectors of T."""
+    return 1 + 2 * (s - 1) + (s - 1) ** 2
+
+
+def prepare(blocks: np.ndarray) -> np.ndarray:
+    """Decompose the diagonal blocks once.
+
+    Parameters
+    ----------
+    blocks : (n, s, s) symmetric positive definite blocks (proximal term included).
+
+    Returns
+    -------
+    (n, local_width(s)) rows [W_NN, Q^T w / W_NN, eigenvalues of T, Q row by row].
+    """
+    n, s, _ = blocks.shape
+    normal = blocks[:, 0, 0]
+    coupling = blocks[:, 1:, 0]
+    schur = blocks[:, 1:, 1:] - coupling[:, :, None] * coupling[:, None, :] / normal[:, None, None]
+    values, vectors = np.linalg.eigh(0.5 * (schur + schur.transpose(0, 2, 1)))
+    floor = np.finfo(float).eps * np.einsum("iaa->i", blocks)[:, None]
+    rows = np.empty((n, local_width(s)))
+    rows[:, 0] = normal
+    rows[:, 1:s] = np.einsum("iab,ia->ib", vectors, coupling) / normal[:, None]
+    rows[:, s : 2 * s - 1] = np.maximum(values, floor)
+    rows[:, 2 * s - 1 :] = vectors.reshape(n, -1)
+    return rows
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate(a, s, local, c, normal_start, mu, sigma, zeta, t):
+    """Force of the candidate `a`: writes the tangential part in the eigenbasis to `t`.
+
+    Returns (radius, |t|, r_N) with radius = sigma + mu r_N; the sliding block has u_N = zeta a radius.
+    """
+    numerator = normal_start
+    spread = 1.0 / local[0]
+    for j in range(s - 1):
+        inverse = 1.0 / (local[s + j] + a)
+        numerator += local[1 + j] * c[j] * inverse
+        spread += local[1 + j] * local[1 + j] * inverse
+    denominator = 1.0 - a * zeta * mu * spread
+    radius = (sigma + mu * numerator) / denominator
+    square = 0.0
+    for j in range(s - 1):
+        t[j] = -(c[j] + a * zeta * local[1 + j] * radius) / (local[s + j] + a)
+        square += t[j] * t[j]
+    return radius, math.sqrt(square), (numerator + a * zeta * sigma * spread) / denominator
+
+
+@njit(cache=True, error_model="numpy")
+def _pole(s, local, coupling):
+    """The a > 0 at which W + a J becomes singular (convex decreasing denominator: Newton climbs from the left)."""
+    a = 0.0
+    for _ in range(_MAX_STEPS):
+        value = 1.0 - a * coupling / local[0]
+        slope = -coupling / local[0]
+        for j in range(s - 1):
+            shifted = local[s + j] + a
+            square = local[1 + j] * local[1 + j]
+            value -= coupling * square * a / shifted
+            slope -= coupling * square * local[s + j] / (shifted * shifted)
+        step = -value / slope
+        a += step
+        if abs(step) <= _PRECISION * a:
+            break
+    return a
+
+
+@njit(cache=True, error_model="numpy")
+def _slide(s, local, c, normal_start, mu, sigma, a0, t):
+    """Root of q(a)/|r_T(a)| = 1, q = sigma + mu r_N, without dilatancy: (a, r_N); nearly linear in a, safeguarded Newton."""
+    low = 0.0
+    high = math.inf
+    a = a0 if a0 > 0.0 else 0.0
+    normal = 0.0
+    for _ in range(_MAX_STEPS):
+        normal = normal_start
+        square = 0.0
+        normal_slope = 0.0
+        square_slope = 0.0
+        for j in range(s - 1):
+            inverse = 1.0 / (local[s + j] + a)
+            t[j] = -c[j] * inverse
+            normal -= local[1 + j] * t[j]
+            square += t[j] * t[j]
+            normal_slope += local[1 + j] * t[j] * inverse
+            square_slope -= t[j] * t[j] * inverse
+        length = math.sqrt(square)
+        radius = sigma + mu * normal
+        gap = radius - length
+        if gap < 0.0:
+            low = a
+        else:
+            high = a
+        if abs(gap) <= _PRECISION * length:
+            break
+        value = radius / length - 1.0
+        slope = (mu * normal_slope - radius * square_slope / square) / length
+        trial = a - value / slope if slope > 0.0 else -1.0
+        if not (low < trial < high):
+            trial = 0.5 * (low + high) if high < math.inf else 2.0 * low + local[2 * s - 2]
+        if high < math.inf and high - low <= _PRECISION * high:
+            break
+        a = trial
+    return a, normal
+
+
+@njit(cache=True, error_model="numpy")
+def _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, t):
+    """Sliding root with dilatancy (mu, zeta > 0), on the side of the pole where the radius is positive: (a, r_N).
+
+    r_N = -inf when there is none: the block then sits on the truncation.
+    """
+    pole = _pole(s, local, mu * zeta)
+    numerator = normal_start
+    for j in range(s - 1):
+        numerator += local[1 + j] * c[j] / (local[s + j] + pole)
+    left = sigma + mu * numerator > 0.0
+    low, high = (0.0, pole) if left else (pole, 2.0 * pole)
+    if not left:
+        found = False
+        for _ in range(_MAX_DOUBLINGS):
+            radius, length, _ = _evaluate(high, s, local, c, normal_start, mu, sigma, zeta, t)
+            if radius <= length:
+                found = True
+                break
+            low = high
+            high *= 2.0
+        if not found:
+            return 0.0, -math.inf
+    a = 0.5 * (low + high)
+    normal = 0.0
+    for _ in range(_MAX_BISECTIONS):
+        radius, length, normal = _evaluate(a, s, local, c, normal_start, mu, sigma, zeta, t)
+        if (radius > length) == left:
+            high = a
+        else:
+            low = a
+        trial = 0.5 * (low + high)
+        if high - low <= 4e-16 * high or trial == a:
+            break
+        a = trial
+    return a, normal
+
+
+@njit(cache=True, error_model="numpy")
+def _slide_detached(s, local, c, mean, sigma, t):
+    """|r_T| <= sigma with r_N = 0 (truncation face and rim): tangential minimiser of the block, radius sigma; returns a."""
+    low, high, a = 0.0, math.inf, 0.0
+    for _ in range(200):
+        projection = 0.0
+        spread = 1.0
+        for j in range(s - 1):
+            inverse = 1.0 / (local[s + j] + a)
+            full = c[j] + local[1 + j] * mean
+            projection += local[1 + j] * full * inverse
+            spread += local[0] * local[1 + j] * local[1 + j] * inverse
+        square = 0.0
+        for j in range(s - 1):
+            full = c[j] + local[1 + j] * mean
+            t[j] = -(full - local[0] * local[1 + j] * projection / spread) / (local[s + j] + a)
+            square += t[j] * t[j]
+        if square <= sigma * sigma:
+            if a == 0.0:
+                return a
+            high = a
+        else:
+            low = a
+        if high < math.inf and high - low <= 1e-15 * high:
+            break
+        a = 0.5 * (low + high) if high < math.inf else 2.0 * a + local[2 * s - 2]
+    return a
+
+
+@njit(cache=True, error_model="numpy")
+def solve_secular(s, local, b, mu, sigma, tau, zeta, a0, r, c, t):
+    """Solve u = W r + b with (u, r) in the law, exactly.
+
+    `local` (row of `prepare`), `b` (s,), law parameters, `a0` a guess of the sliding multiplier (0: none); writes the
+    force to `r` (s,), uses scratch `c`, `t` (s-1,). Returns the multiplier a with u_T = -a r_T (0 when not sliding).
+    """
+    if mu < _NO_FRICTION:
+        mu, zeta = 0.0, 0.0
+    if zeta < _NO_FRICTION:
+        zeta = 0.0
+    # The force is measured from the tensile limit: r = r' - tau e_N, hence b' = b - tau W e_N.
+    b_normal = b[0] - tau * local[0]
+    tangential = 0.0
+    for j in range(s - 1):
+        value = 0.0
+        for k in range(s - 1):
+            value += local[2 * s - 1 + k * (s - 1) + j] * b[1 + k]
+        c[j] = value - local[1 + j] * b[0]
+        # Q^T b'_T = c + w/W_NN b'_N: the shift cancels in c.
+        full = c[j] + local[1 + j] * b_normal
+        tangential += full * full
+    normal_start = -b_normal / local[0]
+    a = 0.0
+    normal = 0.0
+    if sigma == 0.0 and (b_normal >= zeta * math.sqrt(tangential) or mu == 0.0):
+        for j in range(s - 1):
+            t[j] = 0.0
+        normal = max(0.0, normal_start)
+        if mu > 0.0:
+            normal = 0.0
+    else:
+        radius, length, normal = _evaluate(0.0, s, local, c, normal_start, mu, sigma, 0.0, t)
+        if normal < 0.0 or length > radius:
+            if zeta > 0.0:
+                a, normal = _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, t)
+            elif normal_start > 0.0:
+                a, normal = _slide(s, local, c, normal_start, mu, sigma, a0, t)
+            else:
+                normal = -math.inf
+    if sigma > 0.0 and not normal >= 0.0:
+        # Only a truncated cone gets here: no normal force, a tangential one of at most the shear yield.
+        normal = 0.0
+        a = _slide_detached(s, local, c, b_normal, sigma, t)
+    r[0] = normal - tau
+    for k in range(s - 1):
+        value = 0.0
+        for j in range(s - 1):
+            value += local[2 * s - 1 + k * (s - 1) + j] * t[j]
+        r[1 + k] = value
+    return a

@@ -1,0 +1,159 @@
+"""The Delassus operator W = H M^-1 H^T in the three forms the solvers use: stored, factored by a lumped M, or by solves.
+
+Seed B 2.3.1 (reduced formulation, eliminated bilateral constraints) and 3.4.3 (which form pays).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+import scipy.sparse as sp
+
+from barchan.errors import InputError
+from barchan.friction._kernels import block_rows_times
+from barchan.friction.problem import Problem
+from barchan.linalg import BlockRows, block_rows, diagonal_blocks_of_square
+
+OPERATORS = ("auto", "explicit", "matrix-free")
+LARGEST_DENSE_DELASSUS = 6000
+
+
+class Delassus(Protocol):
+    """u = W r + b: `b` (n, s), `diagonal_blocks` (n, s, s), `apply` r (n, s) -> W r (n, s)."""
+
+    @property
+    def b(self) -> np.ndarray: ...
+
+    @property
+    def diagonal_blocks(self) -> np.ndarray: ...
+
+    def apply(self, r: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True, eq=False)
+class StoredDelassus:
+    """W as block rows."""
+
+    rows: BlockRows
+    b: np.ndarray
+
+    @cached_property
+    def diagonal_blocks(self) -> np.ndarray:
+        """(n, s, s)."""
+        return diagonal_blocks_of_square(self.rows)
+
+    def apply(self, r: np.ndarray) -> np.ndarray:
+        """W r, cost O(entries)."""
+        out = np.empty_like(r)
+        block_rows_times(self.rows.indptr, self.rows.indices, self.rows.data, r, out)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class LumpedDelassus:
+    """W = G G^T with G = H M^-1/2 and M diagonal; blocks of G are stored transposed (q, s) for the sweep kernels."""
+
+    g: BlockRows
+    b: np.ndarray
+    diagonal_blocks: np.ndarray
+
+    @cached_property
+    def _matrix(self) -> sp.bsr_array:
+        data = np.ascontiguousarray(self.g.data.transpose(0, 2, 1))
+        return BlockRows(self.g.indptr, self.g.indices, data, self.g.columns).matrix()
+
+    def spread(self, r: np.ndarray) -> np.ndarray:
+        """z = G^T r (m,) from r (n, s)."""
+        return np.asarray(self._matrix.T @ r.reshape(-1))
+
+    def gather(self, z: np.ndarray) -> np.ndarray:
+        """G z (n, s) from z (m,)."""
+        return np.asarray(self._matrix @ z).reshape(self.b.shape)
+
+    def apply(self, r: np.ndarray) -> np.ndarray:
+        """W r, cost O(entries of H)."""
+        return self.gather(self.spread(r))
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedDelassus:
+    """W r by one solve with M (and C) per product, for sparse M whose inverse is dense."""
+
+    problem: Problem
+    b: np.ndarray
+
+    @cached_property
+    def diagonal_blocks(self) -> np.ndarray:
+        """(n, s, s), of H M^-1 H^T."""
+        return self.problem.diagonal_blocks
+
+    def apply(self, r: np.ndarray) -> np.ndarray:
+        """W r, cost of one solve."""
+        pull = self.problem.H.T @ r.reshape(-1)
+        return np.asarray(self.problem.H @ _velocity(self.problem, pull, homogeneous=True)).reshape(r.shape)
+
+
+def _velocity(problem: Problem, load: np.ndarray, homogeneous: bool) -> np.ndarray:
+    if problem.C is None:
+        return np.asarray(problem.factor.solve(load))
+    k = np.zeros(load.shape) if homogeneous else problem.k
+    rows = problem.C.shape[0]
+    return problem.saddle_solve(load, k[:rows] if not homogeneous else np.zeros((rows, *load.shape[1:])))
+
+
+def build_operator(problem: Problem, kind: str = "auto") -> Delassus:
+    """The Delassus operator of a problem.
+
+    Parameters
+    ----------
+    kind : "explicit" stores W, "matrix-free" never does, "auto" stores it when that is the cheaper product.
+
+    Raises
+    ------
+    InputError : unknown kind, or explicit W asked where it would be dense and larger than LARGEST_DENSE_DELASSUS rows.
+    """
+    if kind not in OPERATORS:
+        raise InputError("operator", kind, "one of " + ", ".join(OPERATORS))
+    shape = (problem.n, problem.s)
+    if problem.is_reduced:
+        return StoredDelassus(block_rows(problem.W, problem.s, problem.s), problem.b.reshape(shape))
+    free = _velocity(problem, problem.f, homogeneous=False)
+    b = np.asarray(problem.H @ free + problem.w).reshape(shape)
+    lumped = problem.factor.diagonal is not None and problem.C is None
+    if lumped and (kind == "matrix-free" or (kind == "auto" and _lumped_is_cheaper(problem))):
+        return _lumped(problem, b)
+    if problem.factor.inverse is not None and problem.C is None and kind != "matrix-free":
+        H = sp.csr_array(problem.H)
+        return StoredDelassus(block_rows(H @ problem.factor.inverse @ H.T, problem.s, problem.s), b)
+    if kind == "explicit" or (kind == "auto" and problem.n * problem.s <= LARGEST_DENSE_DELASSUS):
+        return _dense(problem, b)
+    return SolvedDelassus(problem, b)
+
+
+def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus:
+    rows = problem.h_rows
+    root = np.sqrt(problem.factor.diagonal).reshape(-1, problem.velocity_block)  # type: ignore[arg-type]
+    data = np.ascontiguousarray(rows.data.transpose(0, 2, 1) * root[rows.indices][:, :, None])
+    return LumpedDelassus(
+        BlockRows(rows.indptr, rows.indices, data, rows.columns), b, problem.diagonal_blocks
+    )
+
+
+def _lumped_is_cheaper(problem: Problem) -> bool:
+    """Compare 2 nnz(H) with nnz(W), the latter from the sum of squared column counts (an upper bound)."""
+    rows = problem.h_rows
+    sharing = np.bincount(rows.indices, minlength=rows.columns).astype(float)
+    stored = (sharing**2).sum() * problem.s**2
+    return bool(2 * rows.data.size <= stored)
+
+
+def _dense(problem: Problem, b: np.ndarray) -> StoredDelassus:
+    size = problem.n * problem.s
+    if size > LARGEST_DENSE_DELASSUS:
+        raise InputError("operator", "explicit", f"'matrix-free': W would be dense with {size} rows")
+    H = sp.csr_array(problem.H)
+    W = H @ _velocity(problem, H.T.toarray(), homogeneous=True)
+    return StoredDelassus(block_rows(0.5 * (W + W.T), problem.s, problem.s), b)

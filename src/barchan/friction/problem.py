@@ -1,0 +1,225 @@
+"""The discrete Coulomb friction problem (DCFP): data, validation and the quantities every solver and the certificate need.
+
+M v = f + H^T r + C^T l, C v = k, u = H v + w, (u_i, r_i) in law_i (seed B Eq. 2.17); reduced form u = W r + b (Eq. 2.19).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from barchan.cones import Law
+from barchan.errors import InputError
+from barchan.linalg import BlockRows, Factor, block_rows, diagonal_blocks_of_square, factorise
+from barchan.linalg.factor import check_symmetric, sparse_solver
+
+DELASSUS_ASYMMETRY = 1e-2
+Matrix: TypeAlias = np.ndarray | sp.sparray | sp.spmatrix
+
+
+def _vector(name: str, value: Any, length: int | None = None) -> np.ndarray:
+    array = np.ascontiguousarray(value, dtype=float)
+    if array.ndim != 1:
+        raise InputError(name, f"array of shape {array.shape}", "a one-dimensional array")
+    if length is not None and len(array) != length:
+        raise InputError(name, f"array of length {len(array)}", f"of length {length}")
+    if not np.isfinite(array).all():
+        raise InputError(name, "array with NaN or infinite entries", "finite")
+    return array
+
+
+def _matrix(name: str, value: Any) -> sp.sparray:
+    if not sp.issparse(value):
+        value = np.atleast_2d(np.asarray(value, dtype=float))
+    matrix = sp.csr_array(value)
+    if not np.isfinite(matrix.data).all():
+        raise InputError(name, "matrix with NaN or infinite entries", "finite")
+    if sp.issparse(value) and value.format == "bsr":
+        return sp.bsr_array(value)
+    return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A frictional problem in full form (M, f, H, w and optionally C, k) or reduced form (see `Problem.reduced`).
+
+    Parameters
+    ----------
+    M : (m, m) symmetric positive definite matrix.  f : (m,).  H : (n s, m).  w : (n s,).
+    law : one law for all blocks, with scalar parameters or one entry per block.
+    C, k : (c, m) and (c,) bilateral constraints C v = k, optional.
+    W, b : (n s, n s) symmetric positive semi-definite Delassus operator and (n s,); used instead of M, f, H, w.
+        Stored problems carry round-off of the code that made them: up to DELASSUS_ASYMMETRY is accepted, W kept as given.
+    block_size : s; needed only when neither the law's arrays nor the blocks of a BSR matrix tell it.
+    reference_force : r_ref of the certificate; the law residual is relative to max(|r|, r_ref).
+
+    Raises
+    ------
+    InputError : names the array and what is wrong with it (shape, NaN, symmetry, definiteness).
+    """
+
+    M: Any = None
+    f: Any = None
+    H: Any = None
+    w: Any = None
+    law: Any = None
+    C: Any = None
+    k: Any = None
+    W: Any = None
+    b: Any = None
+    block_size: int | None = None
+    reference_force: float = 0.0
+
+    @classmethod
+    def reduced(
+        cls, W: Matrix, b: Any, law: Law, block_size: int | None = None, reference_force: float = 0.0
+    ) -> Problem:
+        """Problem u = W r + b (seed B Eq. 2.19)."""
+        return cls(W=W, b=b, law=law, block_size=block_size, reference_force=reference_force)
+
+    def __post_init__(self) -> None:
+        store = object.__setattr__
+        if not isinstance(self.law, Law):
+            raise InputError("law", self.law, "a law of barchan.cones, such as Coulomb(mu)")
+        if not (np.isfinite(self.reference_force) and self.reference_force >= 0.0):
+            raise InputError("reference_force", self.reference_force, "finite and >= 0")
+        if self.is_reduced:
+            store(self, "W", _matrix("W", self.W))
+            rows = self.W.shape[0]
+            store(self, "b", _vector("b", self.b, rows))
+            check_symmetric(sp.csr_array(self.W), "W", DELASSUS_ASYMMETRY)
+            if (self.W.diagonal() < 0.0).any():
+                raise InputError("W", "matrix with a negative diagonal entry", "positive semi-definite")
+        else:
+            rows = self._store_full()
+        store(self, "block_size", self._find_block_size(rows))
+        self.law.parameters(self.n)
+
+    def _store_full(self) -> int:
+        store = object.__setattr__
+        for name in ("M", "f", "H", "w"):
+            if getattr(self, name) is None:
+                raise InputError(name, None, "given (or use Problem.reduced(W=, b=, law=))")
+        store(self, "M", sp.csr_array(_matrix("M", self.M)))
+        store(self, "H", _matrix("H", self.H))
+        store(self, "_factor", factorise(self.M))
+        store(self, "f", _vector("f", self.f, self.M.shape[0]))
+        if self.H.shape[1] != self.M.shape[1]:
+            raise InputError("H", f"matrix of shape {self.H.shape}", f"with {self.M.shape[1]} columns, as M")
+        store(self, "w", _vector("w", self.w, self.H.shape[0]))
+        if (self.C is None) != (self.k is None):
+            raise InputError("C, k", "one without the other", "given together")
+        if self.C is not None:
+            store(self, "C", sp.csr_array(_matrix("C", self.C)))
+            if self.C.shape[1] != self.M.shape[1]:
+                raise InputError(
+                    "C", f"matrix of shape {self.C.shape}", f"with {self.M.shape[1]} columns, as M"
+                )
+            store(self, "k", _vector("k", self.k, self.C.shape[0]))
+        return int(self.H.shape[0])
+
+    def _find_block_size(self, rows: int) -> int:
+        matrix = self.W if self.is_reduced else self.H
+        size = self.block_size
+        if size is None and self.law.count:
+            size = rows // self.law.count if rows % self.law.count == 0 else None
+            if size is None:
+                raise InputError("law", f"{self.law.count} blocks", f"a divisor of the {rows} rows")
+        if size is None and matrix.format == "bsr":
+            size = matrix.blocksize[0]
+        if size is None:
+            raise InputError("block_size", None, "given, since neither the law nor a BSR matrix tells it")
+        if size < 2 or rows % size:
+            raise InputError("block_size", size, f"at least 2 and a divisor of the {rows} rows")
+        if self.law.count not in (None, rows // size):
+            raise InputError("law", f"{self.law.count} blocks", f"{rows // size} blocks of size {size}")
+        return int(size)
+
+    @property
+    def is_reduced(self) -> bool:
+        """True for u = W r + b."""
+        return self.W is not None
+
+    @property
+    def s(self) -> int:
+        """Block size."""
+        return self.block_size  # type: ignore[return-value]
+
+    @property
+    def n(self) -> int:
+        """Number of blocks."""
+        return (self.W if self.is_reduced else self.H).shape[0] // self.s
+
+    @property
+    def size(self) -> int:
+        """Number of velocity unknowns m (0 in reduced form)."""
+        return 0 if self.is_reduced else self.M.shape[0]
+
+    @property
+    def factor(self) -> Factor:
+        """Factorisation of M, made once."""
+        return self._factor  # type: ignore[attr-defined]
+
+    @cached_property
+    def _saddle(self) -> Any:
+        saddle = sp.block_array([[self.M, -self.C.T], [self.C, None]], format="csr")
+        return sparse_solver(saddle, "C", positive=False)
+
+    def saddle_solve(self, load: np.ndarray, k: np.ndarray) -> np.ndarray:
+        """Velocities of M v = load + C^T l, C v = k: `load` (m,) or (m, q), `k` (c,) or (c, q)."""
+        return np.asarray(self._saddle(np.concatenate([load, k]))[: self.size])
+
+    @cached_property
+    def parameters(self) -> np.ndarray:
+        """(n, 4) law parameters (mu, shear yield, tensile yield, dilatancy)."""
+        return self.law.parameters(self.n)
+
+    @cached_property
+    def velocity_block(self) -> int:
+        """Columns per block of H: those of a BSR matrix, else 1."""
+        return int(self.H.blocksize[1]) if self.H.format == "bsr" and self.H.blocksize[0] == self.s else 1
+
+    @cached_property
+    def h_rows(self) -> BlockRows:
+        """H as block rows (s x velocity_block)."""
+        return block_rows(self.H, self.s, self.velocity_block)
+
+    @cached_property
+    def diagonal_blocks(self) -> np.ndarray:
+        """(n, s, s) diagonal blocks of W. Cost O(entries); one solve per row when M is not made of small blocks."""
+        if self.is_reduced:
+            return diagonal_blocks_of_square(block_rows(self.W, self.s, self.s))
+        H = sp.csr_array(self.H)
+        if self.factor.diagonal is not None:
+            return self._diagonal_blocks_of_lumped()
+        blocks = np.empty((self.n, self.s, self.s))
+        spread = H @ self.factor.inverse if self.factor.inverse is not None else None
+        for i in range(self.n):
+            rows = H[i * self.s : (i + 1) * self.s]
+            solved = (
+                spread[i * self.s : (i + 1) * self.s]
+                if spread is not None
+                else self.factor.solve(rows.T.toarray()).T
+            )
+            blocks[i] = (rows @ solved.T).toarray() if sp.issparse(solved) else rows @ solved.T
+        return blocks
+
+    def _diagonal_blocks_of_lumped(self) -> np.ndarray:
+        rows = self.h_rows
+        weight = self.factor.diagonal.reshape(-1, self.velocity_block)[rows.indices]  # type: ignore[union-attr]
+        products = np.einsum("eac,ec,ebc->eab", rows.data, weight, rows.data, optimize=True)
+        blocks = np.zeros((self.n, self.s, self.s))
+        np.add.at(blocks, np.repeat(np.arange(self.n), np.diff(rows.indptr)), products)
+        return blocks
+
+    @cached_property
+    def rho(self) -> np.ndarray:
+        """(n,) force per velocity rho_i = s / Tr(W_ii) of the certificate (blocks with W_ii = 0 take the median)."""
+        trace = np.einsum("iaa->i", self.diagonal_blocks)
+        positive = trace > 0.0
+        fallback = self.s / np.median(trace[positive]) if positive.any() else 1.0
+        return np.where(positive, self.s / np.where(positive, trace, 1.0), fallback)

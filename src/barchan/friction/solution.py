@@ -1,0 +1,90 @@
+"""What a solve returns: the best iterate, its certificate, and how it ended."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from barchan.friction.certificate import Certificate, balanced_velocity, certify
+from barchan.friction.problem import Problem
+
+
+class Progress(NamedTuple):
+    """One entry of a history: iteration, residual (the method's own estimate of the law residual), seconds."""
+
+    iteration: int
+    residual: float
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Result of `solve`.
+
+    r : (n s,) forces.  u : (n s,) relative velocities.  v : (m,) velocities, None in reduced form.
+    certificate : the independent proof.  converged : certificate.residual <= tol.  history : list of `Progress`.
+    """
+
+    r: np.ndarray
+    u: np.ndarray
+    v: np.ndarray | None
+    certificate: Certificate
+    converged: bool
+    iterations: int
+    elapsed: float
+    history: list[Progress]
+    method: str
+    message: str = ""
+
+
+@dataclass
+class Recorder:
+    """Keeps the best iterate and the history of a running method; `callback(Progress, r)` returning True stops it."""
+
+    tolerance: float
+    callback: Callable[[Progress, np.ndarray], object] | None = None
+    best: np.ndarray | None = None
+    best_residual: float = np.inf
+    history: list[Progress] = field(default_factory=list)
+    stopped: bool = False
+    _start: float = field(default_factory=time.perf_counter)
+
+    def record(self, iteration: int, residual: float, r: np.ndarray) -> bool:
+        """Note an iterate r (n, s); True when the method should end (tolerance met or callback)."""
+        entry = Progress(iteration, residual, self.seconds)
+        self.history.append(entry)
+        if residual < self.best_residual or self.best is None:
+            self.best_residual = residual
+            self.best = r.copy()
+        if self.callback is not None and self.callback(entry, r):
+            self.stopped = True
+        return residual <= self.tolerance or self.stopped
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock seconds since the method began."""
+        return time.perf_counter() - self._start
+
+
+def finish(problem: Problem, recorder: Recorder, method: str, tolerance: float) -> Solution:
+    """Certify the best iterate and say how the method ended."""
+    r = np.zeros(problem.n * problem.s) if recorder.best is None else recorder.best.reshape(-1)
+    if problem.is_reduced:
+        v = None
+        u = problem.W @ r + problem.b
+    else:
+        v = balanced_velocity(problem, r)
+        u = problem.H @ v + problem.w
+    certificate = certify(problem, r, v)
+    converged = certificate.residual <= tolerance
+    message = (
+        "converged" if converged else "stopped by callback" if recorder.stopped else "iteration limit reached"
+    )
+    iterations = recorder.history[-1].iteration if recorder.history else 0
+    return Solution(
+        r, u, v, certificate, converged, iterations, recorder.seconds, recorder.history, method, message
+    )

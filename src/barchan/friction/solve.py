@@ -1,0 +1,110 @@
+"""One entrance to every solver: `solve(problem, method, tol)`; any method on any law and operator.
+
+A solve that misses its tolerance returns the best iterate with `converged=False` and never pretends.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from barchan.errors import InputError
+from barchan.friction.aspg import aspg
+from barchan.friction.gauss_seidel import gauss_seidel
+from barchan.friction.problem import Problem
+from barchan.friction.solution import Progress, Recorder, Solution, finish
+
+_METHODS: dict[str, Callable[..., None]] = {"gauss_seidel": gauss_seidel, "aspg": aspg}
+SAFETY = 0.9
+
+
+def methods() -> tuple[str, ...]:
+    """Names accepted by `solve(method=...)`."""
+    return ("auto", *_METHODS)
+
+
+def solve(
+    problem: Problem,
+    method: str = "auto",
+    tol: float = 1e-6,
+    r0: np.ndarray | None = None,
+    max_iterations: int | None = None,
+    callback: Callable[[Progress, np.ndarray], object] | None = None,
+    **options: Any,
+) -> Solution:
+    """Solve a frictional problem.
+
+    Parameters
+    ----------
+    method : one of `methods()`; "auto" sweeps Gauss-Seidel and hands over to ASPG where it stagnates.
+    tol : required residual of the certificate.
+    r0 : (n s,) or (n, s) initial forces.
+    max_iterations : of the method (None: its own default).
+    callback : called with (Progress, r) at each recorded iterate; returning True stops the solve.
+    options : passed on to the method (see `gauss_seidel`, `aspg`).
+
+    Raises
+    ------
+    InputError : unknown method or option, tol <= 0, r0 of the wrong size or not finite.
+    """
+    if method not in methods():
+        raise InputError("method", method, "one of " + ", ".join(methods()))
+    if not (math.isfinite(tol) and tol > 0.0):
+        raise InputError("tol", tol, "finite and > 0")
+    if max_iterations is not None and max_iterations < 0:
+        raise InputError("max_iterations", max_iterations, ">= 0")
+    start = _start(problem, r0)
+    recorder = Recorder(SAFETY * tol, callback)
+    if problem.n == 0:
+        recorder.record(0, 0.0, start)
+    elif method == "auto":
+        _auto(problem, recorder, start, max_iterations, options)
+    else:
+        _check_options(method, options)
+        _METHODS[method](problem, recorder, start, max_iterations=max_iterations, **options)
+    return finish(problem, recorder, method, tol)
+
+
+def _start(problem: Problem, r0: np.ndarray | None) -> np.ndarray:
+    if r0 is None:
+        return np.zeros((problem.n, problem.s))
+    start = np.asarray(r0, dtype=float)
+    if start.size != problem.n * problem.s:
+        raise InputError("r0", f"array of shape {start.shape}", f"of {problem.n * problem.s} entries")
+    if not np.isfinite(start).all():
+        raise InputError("r0", "array with NaN or infinite entries", "finite")
+    return start.reshape(problem.n, problem.s)
+
+
+def _check_options(method: str, options: dict[str, Any]) -> None:
+    function = _METHODS[method]
+    allowed = function.__code__.co_varnames[4 : function.__code__.co_argcount]
+    for name in options:
+        if name not in allowed:
+            raise InputError(f"option of {method}", name, "one of " + ", ".join(allowed))
+
+
+def _auto(
+    problem: Problem, recorder: Recorder, start: np.ndarray, limit: int | None, options: dict[str, Any]
+) -> None:
+    """Alternate Gauss-Seidel and ASPG from the best iterate so far, with doubling budgets."""
+    budget, used = 500, 0
+    total = 40_000 if limit is None else limit
+    names = list(_METHODS)
+    turn = 0
+    while used < total and not recorder.stopped:
+        name = names[turn % len(names)]
+        allowed = _METHODS[name].__code__.co_varnames[4 : _METHODS[name].__code__.co_argcount]
+        chosen = {key: value for key, value in options.items() if key in allowed}
+        count = min(budget, total - used)
+        _METHODS[name](problem, recorder, start, max_iterations=count, **chosen)
+        if recorder.best_residual <= recorder.tolerance:
+            return
+        start = recorder.best if recorder.best is not None else start
+        used += count
+        turn += 1
+        if turn % len(names) == 0:
+            budget *= 2

@@ -1,0 +1,124 @@
+"""One interface to the factorisation of a symmetric positive definite M: diagonal, small independent blocks, or sparse.
+
+Pardiso (extra `fast`) serves large sparse matrices where present, else SuperLU. A bordered factor solves the saddle point
+[[M, -C^T], [C, 0]] of bilateral constraints (seed B 2.3.1 eliminates them the same way, without forming P^-1).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from scipy.sparse.csgraph import connected_components
+
+from barchan.errors import InputError
+
+LARGEST_DENSE_COMPONENT = 64
+SYMMETRY_TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Solves M x = rhs for (m,) or (m, k) right-hand sides.
+
+    `kind` is "diagonal", "blocks" or "sparse"; `inverse` holds M^-1 when that is sparse (diagonal and blocks), else None.
+    """
+
+    kind: str
+    solve: Callable[[np.ndarray], np.ndarray]
+    inverse: sp.csr_array | None = None
+
+    @property
+    def diagonal(self) -> np.ndarray | None:
+        """Diagonal of M^-1 when M is diagonal, else None."""
+        return self.inverse.diagonal() if self.kind == "diagonal" and self.inverse is not None else None
+
+
+def factorise(M: sp.csr_array, name: str = "M") -> Factor:
+    """Factorise a symmetric positive definite sparse matrix (m, m).
+
+    Raises
+    ------
+    InputError : not square, not finite, not symmetric, or not positive definite.
+    """
+    check_symmetric(M, name)
+    diagonal = M.diagonal()
+    if (diagonal <= 0.0).any():
+        worst = int(np.argmin(diagonal))
+        raise InputError(
+            name, f"entry ({worst}, {worst}) is {diagonal[worst]:g}", "symmetric positive definite"
+        )
+    coupled = sp.csr_array(M - sp.diags_array(diagonal)) if M.nnz > M.shape[0] else None
+    if coupled is None or not coupled.count_nonzero():
+        return Factor("diagonal", lambda x: (x.T / diagonal).T, sp.csr_array(sp.diags_array(1.0 / diagonal)))
+    count, label = connected_components(M, directed=False)
+    if np.bincount(label).max() <= LARGEST_DENSE_COMPONENT:
+        inverse = _inverse_by_components(M, label, count, name)
+        return Factor("blocks", lambda x: inverse @ x, inverse)
+    return Factor("sparse", sparse_solver(M, name, positive=True))
+
+
+def check_symmetric(M: sp.csr_array, name: str, tolerance: float = SYMMETRY_TOLERANCE) -> None:
+    """Raise InputError unless the matrix is square, finite and symmetric up to `tolerance` times its largest entry."""
+    if M.shape[0] != M.shape[1]:
+        raise InputError(name, f"matrix of shape {M.shape}", "square")
+    if not np.isfinite(M.data).all():
+        raise InputError(name, "matrix with NaN or infinite entries", "finite")
+    scale = abs(M.data).max(initial=0.0)
+    skew = abs(M - M.T)
+    worst = skew.max() if skew.nnz else 0.0
+    if worst > tolerance * scale:
+        raise InputError(name, f"matrix with asymmetry {worst / scale:.2g} of its largest entry", "symmetric")
+
+
+def _inverse_by_components(M: sp.csr_array, label: np.ndarray, count: int, name: str) -> sp.csr_array:
+    """M^-1 of a matrix made of many small independent blocks, grouped by size so that NumPy inverts them in batches."""
+    order = np.argsort(label, kind="stable")
+    sizes = np.bincount(label, minlength=count)
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    permuted = sp.csr_array(M[order][:, order])
+    rows, columns, values = [], [], []
+    for size in np.unique(sizes):
+        first = starts[:-1][sizes == size]
+        index = first[:, None] + np.arange(size)
+        dense = np.zeros((len(first), size, size))
+        for a in range(size):
+            for b in range(size):
+                dense[:, a, b] = permuted[index[:, a], index[:, b]]
+        try:
+            np.linalg.cholesky(dense)
+        except np.linalg.LinAlgError:
+            raise InputError(name, "matrix with a non-positive eigenvalue", "positive definite") from None
+        rows.append(np.repeat(order[index], size, axis=1).ravel())
+        columns.append(np.tile(order[index], (1, size)).ravel())
+        values.append(np.linalg.inv(dense).ravel())
+    triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
+    return sp.csr_array(triplets, shape=M.shape)
+
+
+def sparse_solver(M: sp.csr_array, name: str, positive: bool) -> Callable[[np.ndarray], np.ndarray]:
+    """Direct solver of a sparse symmetric matrix; with `positive`, refuses an indefinite one (signs of the pivots)."""
+    if positive or importlib.util.find_spec("pypardiso") is None:
+        options = {"SymmetricMode": True} if positive else {}
+        try:
+            factor = spla.splu(
+                sp.csc_array(M),
+                permc_spec="MMD_AT_PLUS_A" if positive else "COLAMD",
+                diag_pivot_thresh=0.0 if positive else 1.0,
+                options=options,
+            )
+        except RuntimeError:
+            raise InputError(name, "singular matrix", "invertible") from None
+        if positive and (factor.U.diagonal() <= 0.0).any():
+            raise InputError(name, "matrix with a non-positive pivot", "positive definite")
+        return factor.solve
+    import pypardiso
+
+    pardiso = pypardiso.PyPardisoSolver(mtype=11)
+    matrix = sp.csr_array(M)
+    pardiso.factorize(matrix)
+    return lambda rhs: pardiso.solve(matrix, rhs)
