@@ -24,7 +24,7 @@ def explicit_sweeps(S: int, LOCAL: int, PARALLEL: bool) -> Callable[..., None]:
     """Kernel doing `sweeps` Gauss-Seidel sweeps on u = W r + b with W as block rows (S x S blocks)."""
 
     @njit(cache=True, error_model="numpy", parallel=PARALLEL)
-    def kernel(sweeps, start, schedule, w, diagonal, b, local, laws, calm, state, scratch):
+    def kernel(sweeps, start, schedule, w, diagonal, b, local, laws, calm, relaxation, state, scratch):
         colour_ptr, group_ptr, order = schedule
         indptr, indices, data = w
         r, multiplier, sleep = state
@@ -38,12 +38,8 @@ def explicit_sweeps(S: int, LOCAL: int, PARALLEL: bool) -> Callable[..., None]:
                 first = colour_ptr[colour]
                 for group in prange(first, colour_ptr[colour + 1]):
                     slot = group - first if PARALLEL else 0
-                    rhs, new, rows, matrices = (
-                        scratch[0][slot],
-                        scratch[1][slot],
-                        scratch[2][slot],
-                        scratch[3][slot],
-                    )
+                    rhs, new = scratch[0][slot, :S], scratch[1][slot, :S]
+                    rows, matrices = scratch[2][slot], scratch[3][slot]
                     length = group_ptr[group + 1] - group_ptr[group]
                     for position in range(length):
                         place = length - 1 - position if backward else position
@@ -71,6 +67,10 @@ def explicit_sweeps(S: int, LOCAL: int, PARALLEL: bool) -> Callable[..., None]:
                         elif not solve_with_newton(S, LOCAL, diagonal[i], rhs, laws[i], new, rows, matrices):
                             for k in range(S):
                                 new[k] = 0.5 * (new[k] + r[i, k])
+                        if relaxation != 1.0:
+                            for k in range(S):
+                                new[k] = r[i, k] + relaxation * (new[k] - r[i, k])
+                            project_block(new, laws[i, 0], laws[i, 1], laws[i, 2], new)
                         change = 0.0
                         for k in range(S):
                             change += (new[k] - r[i, k]) ** 2
@@ -86,7 +86,7 @@ def matrix_free_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool) -> Callable[.
     """Kernel doing `sweeps` Gauss-Seidel sweeps on u = G z + b, z = G^T r, with G as block rows (blocks stored Q x S)."""
 
     @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath={"contract", "reassoc"})
-    def kernel(sweeps, start, schedule, g, diagonal, b, local, laws, calm, state, z, scratch):
+    def kernel(sweeps, start, schedule, g, diagonal, b, local, laws, calm, relaxation, state, z, scratch):
         colour_ptr, group_ptr, order = schedule
         indptr, indices, data = g
         r, multiplier, sleep = state
@@ -100,12 +100,8 @@ def matrix_free_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool) -> Callable[.
                 first = colour_ptr[colour]
                 for group in prange(first, colour_ptr[colour + 1]):
                     slot = group - first if PARALLEL else 0
-                    rhs, new, rows, matrices = (
-                        scratch[0][slot],
-                        scratch[1][slot],
-                        scratch[2][slot],
-                        scratch[3][slot],
-                    )
+                    rhs, new = scratch[0][slot, :S], scratch[1][slot, :S]
+                    rows, matrices = scratch[2][slot], scratch[3][slot]
                     length = group_ptr[group + 1] - group_ptr[group]
                     for position in range(length):
                         place = length - 1 - position if backward else position
@@ -132,6 +128,10 @@ def matrix_free_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool) -> Callable[.
                         elif not solve_with_newton(S, LOCAL, diagonal[i], rhs, laws[i], new, rows, matrices):
                             for k in range(S):
                                 new[k] = 0.5 * (new[k] + r[i, k])
+                        if relaxation != 1.0:
+                            for k in range(S):
+                                new[k] = r[i, k] + relaxation * (new[k] - r[i, k])
+                            project_block(new, laws[i, 0], laws[i, 1], laws[i, 2], new)
                         change = 0.0
                         for k in range(S):
                             rhs[k] = new[k] - r[i, k]
@@ -187,7 +187,7 @@ def sweep_scratch(slots: int, s: int) -> tuple[np.ndarray, ...]:
     return (
         np.zeros((slots, pad)),
         np.zeros((slots, pad)),
-        np.zeros((slots, 11, pad))[:, :, :s],
+        np.zeros((slots, 11, s)),
         np.zeros((slots, 2 * s + 4, pad)),
     )
 

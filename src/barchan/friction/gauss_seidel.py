@@ -23,6 +23,7 @@ from barchan.linalg import BlockRows, Schedule, coloured_schedule, natural_sched
 DEFAULT_SWEEPS = 10_000
 PARALLEL_BLOCKS = 1500
 GROUP_SIZE = 16
+RELAX = 1.0
 SINGULAR = 1e-10
 PROXIMAL = 1e-3
 SLEEP_FRACTION = 0.1
@@ -95,6 +96,7 @@ class _Sweeper:
         self.diagonal = proximal_blocks(delassus.diagonal_blocks)
         self.local = prepare(self.diagonal)
         self.schedule = _schedule(delassus, problem.n) if parallel else natural_schedule(problem.n)
+        self.relaxation = RELAX
         self.scratch = sweep_scratch(self.schedule.widest, problem.s)
         self.kernel: Callable[..., Any]
         if isinstance(delassus, StoredDelassus):
@@ -139,6 +141,7 @@ class _Sweeper:
             self.local,
             self.laws,
             calm,
+            self.relaxation,
         )
         if isinstance(self.delassus, LumpedDelassus):
             self.kernel(*common, self.state, self.z, self.scratch)

@@ -1,0 +1,85 @@
+"""The command line: `barchan run`, `barchan scenes`, `barchan solve`.
+
+Exit codes: 0 done, 2 bad input (one line on standard error, no traceback), 3 not converged, 130 interrupted.
+Heavy imports wait until a command needs them, so that `barchan --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+
+from barchan.errors import InputError
+
+BAD_INPUT, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
+
+# What typer raises for a wrong command line (the class is not exported under its own name).
+_UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__bases__[0])
+
+app = typer.Typer(
+    add_completion=False,
+    help="Granular matter and frictional contact, solved as one discrete problem.",
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line (`arguments` default to those of the process) and return the exit code."""
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        code = app(args=given or ["--help"], prog_name="barchan", standalone_mode=False)
+    except InputError as error:
+        return _complain(str(error), BAD_INPUT)
+    except _UsageError as error:
+        return _complain(error.format_message(), BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        sys.stderr.write("barchan: interrupted\n")
+        return INTERRUPTED
+    return code if isinstance(code, int) else 0
+
+
+@app.command()
+def run(
+    scene: Annotated[str, typer.Argument(help="Preset name (see `barchan scenes`) or a .toml file.")],
+    out: Annotated[Path | None, typer.Option(help="Run folder; default: a new runs/<scene>-<n>.")] = None,
+    settings: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change a parameter; repeatable.")
+    ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue the run in --out after any kill.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no summary.")] = False,
+) -> None:
+    """Simulate a scene and store results, summary and pictures in a run folder."""
+    from barchan.cli.run import run_command
+
+    raise typer.Exit(run_command(scene, out, settings or [], resume, quiet))
+
+
+@app.command()
+def scenes() -> None:
+    """List the scenes that come with barchan."""
+    from barchan.cli.run import list_scenes
+
+    list_scenes()
+
+
+@app.command()
+def solve(
+    file: Annotated[Path, typer.Argument(help="A friction problem: FCLIB .hdf5 or .dat.")],
+    method: Annotated[str, typer.Option(help="Solver name.")] = "auto",
+    tol: Annotated[float, typer.Option(help="Largest certificate accepted.")] = 1e-6,
+) -> None:
+    """Solve a friction problem from a file and show its certificate."""
+    from barchan.cli.solve import solve_command
+
+    raise typer.Exit(solve_command(file, method, tol))
+
+
+def _complain(message: str, code: int) -> int:
+    """One line on standard error."""
+    sys.stderr.write(f"barchan: error: {' '.join(message.split())}\n")
+    return code

@@ -1,0 +1,7 @@
+"""`python -m barchan.cli` is the `barchan` command."""
+
+import sys
+
+from barchan.cli import main
+
+sys.exit(main())

@@ -1,0 +1,79 @@
+"""What the granular matter is made of, and how its friction grows with the inertial number (seed B, 0.3.3 and 7.1).
+
+Friction coefficients given by people are physical (mu_hat); cone coordinates need sqrt(2/d) mu_hat (ERRATA 1).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from barchan.errors import InputError
+
+
+@dataclass(frozen=True)
+class Material:
+    """Dry granular material with the mu(I) friction law and a Newtonian viscosity.
+
+    Parameters
+    ----------
+    density : mass per particle volume [kg/m^3], positive. With `max_volume_fraction` = 1, particle volumes are packed bulk
+        volumes and this is the bulk density; below 1 they are grain volumes and this is the density of the grains.
+    friction : static friction coefficient mu_s (physical: bound of sqrt(J2)/p), >= 0.
+    friction_increment : mu_D - mu_s >= 0, the growth of friction at large inertial numbers.
+    inertial_reference : I_0 > 0, the inertial number at which half of the increment is reached.
+    grain_diameter : d_g >= 0 [m].
+    viscosity : Newtonian eta >= 0 [Pa s], in sigma = eta D(u).
+    max_volume_fraction : phi_max in (0, 1].
+
+    Raises
+    ------
+    InputError : for any value that is not finite or out of range.
+    """
+
+    density: float
+    friction: float
+    friction_increment: float = 0.0
+    inertial_reference: float = 0.4
+    grain_diameter: float = 0.0
+    viscosity: float = 0.0
+    max_volume_fraction: float = 1.0
+
+    def __post_init__(self) -> None:
+        positive = ("density", "inertial_reference", "max_volume_fraction")
+        for field in fields(self):
+            value = getattr(self, field.name)
+            allowed = "a finite number > 0" if field.name in positive else "a finite number >= 0"
+            try:
+                number = float(value)
+            except (TypeError, ValueError):
+                raise InputError(f"material.{field.name}", value, allowed) from None
+            if not math.isfinite(number) or number < 0.0 or (number == 0.0 and field.name in positive):
+                raise InputError(f"material.{field.name}", value, allowed)
+        if self.max_volume_fraction > 1.0:
+            raise InputError("material.max_volume_fraction", self.max_volume_fraction, "at most 1")
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether friction depends on the flow at all."""
+        return self.friction_increment > 0.0 and self.grain_diameter > 0.0
+
+    def friction_at(
+        self, shear_rate: NDArray[np.float64], pressure: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Physical friction coefficient mu(I) (n,), I = shear_rate d_g / sqrt(pressure / density) (seed B, 0.3.3).
+
+        shear_rate : (n,) |Dev D(u)| = sqrt(Dev D:Dev D / 2) [1/s], half of the velocity gradient du/dy of simple shear.
+        pressure : (n,) [Pa]; where it is not positive, I is infinite and mu(I) = mu_D, except without shear: mu_s.
+        """
+        if not self.rate_dependent:
+            return np.full(np.shape(shear_rate), self.friction)
+        # mu_s + (mu_D - mu_s) I / (I_0 + I), multiplied out by sqrt(p / rho) so that p -> 0 needs no division by zero.
+        grain_speed = np.asarray(shear_rate) * self.grain_diameter
+        reference_speed = self.inertial_reference * np.sqrt(np.maximum(pressure, 0.0) / self.density)
+        total = grain_speed + reference_speed
+        share = np.divide(grain_speed, total, out=np.zeros_like(total), where=total > 0.0)
+        return self.friction + self.friction_increment * share

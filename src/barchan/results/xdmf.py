@@ -1,0 +1,87 @@
+"""results.xdmf: the light XML beside results.h5 that lets ParaView open the run as a movie.
+
+Two blocks per time: the particles (a Polyvertex cloud with velocity and volume) and the active grid cells
+(quadrilaterals or hexahedra with nodal velocity, pressure, shear stress and volume fraction). Nothing is
+copied: every DataItem points into results.h5.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
+
+import h5py
+
+from barchan.results.atomic import write_bytes
+
+_CELL_OF_CORNERS = {4: "Quadrilateral", 8: "Hexahedron"}
+_SCALAR_FIELDS = {
+    "pressure": "pressures",
+    "shear stress": "shear_stresses",
+    "volume fraction": "volume_fractions",
+}
+_NUMBER_TYPES = {"f": "Float", "i": "Int"}
+
+
+def write_xdmf(results_path: Path, path: Path) -> None:
+    """Write the XDMF description of `results_path` (a results.h5) to `path` in the same folder,
+    atomically."""
+    root = Element("Xdmf", Version="2.0")
+    domain = SubElement(root, "Domain")
+    movie = SubElement(domain, "Grid", Name="run", GridType="Collection", CollectionType="Temporal")
+    with h5py.File(results_path, "r") as file:
+        for name, time in zip(file["frames"], file["observables/time"][()], strict=True):
+            instant = SubElement(
+                movie, "Grid", Name=f"frame {name}", GridType="Collection", CollectionType="Spatial"
+            )
+            SubElement(instant, "Time", Value=repr(float(time)))
+            _add_particles(instant, file[f"frames/{name}/particles"], results_path.name)
+            grid = file[f"frames/{name}/grid"]
+            if grid["cells"].shape[0] > 0:
+                _add_cells(instant, grid, results_path.name)
+    ElementTree.indent(root)
+    write_bytes(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
+
+
+def _add_particles(parent: Element, group: h5py.Group, file_name: str) -> None:
+    """A Polyvertex cloud."""
+    grid = SubElement(parent, "Grid", Name="particles", GridType="Uniform")
+    count = group["positions"].shape[0]
+    SubElement(grid, "Topology", TopologyType="Polyvertex", NumberOfElements=str(count), NodesPerElement="1")
+    _add_data(SubElement(grid, "Geometry", GeometryType="XYZ"), group["positions"], file_name)
+    _add_attribute(grid, "velocity", "Vector", group["velocities"], file_name)
+    _add_attribute(grid, "volume", "Scalar", group["volumes"], file_name)
+
+
+def _add_cells(parent: Element, group: h5py.Group, file_name: str) -> None:
+    """The active cells of the background grid with their nodal fields."""
+    grid = SubElement(parent, "Grid", Name="grid", GridType="Uniform")
+    count, corners = group["cells"].shape
+    topology = SubElement(
+        grid, "Topology", TopologyType=_CELL_OF_CORNERS[corners], NumberOfElements=str(count)
+    )
+    _add_data(topology, group["cells"], file_name)
+    _add_data(SubElement(grid, "Geometry", GeometryType="XYZ"), group["positions"], file_name)
+    _add_attribute(grid, "velocity", "Vector", group["velocities"], file_name)
+    for name, field in _SCALAR_FIELDS.items():
+        if field in group:
+            _add_attribute(grid, name, "Scalar", group[field], file_name)
+
+
+def _add_attribute(grid: Element, name: str, kind: str, values: h5py.Dataset, file_name: str) -> None:
+    """A nodal field of kind "Scalar" or "Vector"."""
+    attribute = SubElement(grid, "Attribute", Name=name, AttributeType=kind, Center="Node")
+    _add_data(attribute, values, file_name)
+
+
+def _add_data(parent: Element, values: h5py.Dataset, file_name: str) -> None:
+    item = SubElement(
+        parent,
+        "DataItem",
+        Dimensions=" ".join(str(size) for size in values.shape),
+        NumberType=_NUMBER_TYPES[values.dtype.kind],
+        Precision=str(values.dtype.itemsize),
+        Format="HDF",
+    )
+    item.text = f"{file_name}:{values.name}"
