@@ -8,13 +8,14 @@ DEV    := $(VENV)/.installed-dev
 DEMO   := runs/demo
 PARALLEL = $(shell $(BIN)/python -c "import importlib.util as u; print('-n 2' if u.find_spec('xdist') else '')")
 
-.PHONY: help demo test slow bench lint format clean clean-all
+.PHONY: help demo test slow bench docs lint format clean clean-all
 
 help:
 	@echo "make demo   a gravel column collapses and comes to rest; pictures in $(DEMO)/pictures"
 	@echo "make test   lint, format, types, import directions and the fast tests"
 	@echo "make slow   the long tests"
 	@echo "make bench  every script of benchmarks/"
+	@echo "make docs   rewrite the table of scene keys in docs/scenes.md"
 	@echo "make format let ruff rewrite the sources"
 	@echo "make clean  remove caches and the demo run; clean-all removes $(VENV) too"
 
@@ -48,13 +49,16 @@ slow: $(DEV)
 bench: $(DEV)
 	@set -e; for script in $(wildcard benchmarks/bench_*.py); do echo "== $$script"; $(BIN)/python $$script; done
 
+docs: $(DEV)
+	$(BIN)/python tools/scene_table.py
+
 format: $(DEV)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean:
 	rm -rf $(DEMO) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
-	find src tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
+	find src tests tools benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
 
 clean-all: clean
 	rm -rf $(VENV)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -17,14 +17,8 @@ CHECKER = REPOSITORY / "tools" / "check_rooms.py"
 
 
 @pytest.fixture(scope="module")
-def check_rooms() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("check_rooms", CHECKER)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module  # dataclasses look their own module up
-    spec.loader.exec_module(module)
-    return module
+def check_rooms(load_script: Callable[[Path], ModuleType]) -> ModuleType:
+    return load_script(CHECKER)
 
 
 @pytest.fixture

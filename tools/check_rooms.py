@@ -18,6 +18,7 @@ PACKAGE = "barchan"
 ROOMS = (
     "_stale",
     "errors",
+    "storage",
     "cones",
     "linalg",
     "friction",

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 from barchan._stale import drop_stale_kernels
 
 if TYPE_CHECKING:
-    from barchan import cones, errors, flows, friction, linalg, results, scenes, spaces
+    from barchan import cones, errors, flows, friction, linalg, results, scenes, spaces, storage
 
 __version__ = "0.1.0"
 
-_ROOMS = ("errors", "cones", "linalg", "friction", "spaces", "flows", "results", "scenes")
+_ROOMS = ("errors", "storage", "cones", "linalg", "friction", "spaces", "flows", "results", "scenes")
 
 drop_stale_kernels(Path(__file__).parent)
 
@@ -35,6 +35,7 @@ __all__ = [
     "results",
     "scenes",
     "spaces",
+    "storage",
 ]
 
 

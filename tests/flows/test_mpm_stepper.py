@@ -1,6 +1,5 @@
 """Whole steps: free fall, hydrostatic rest, walls, frictional slopes, energy, volume, symmetry, resuming, determinism."""
 
-import numba
 import numpy as np
 import pytest
 
@@ -183,17 +182,11 @@ def test_a_run_resumed_from_its_arrays_gives_the_same_bytes(d):
         assert array.tobytes() == resumed.arrays()[name].tobytes(), name
 
 
-def test_a_step_gives_the_same_bytes_on_one_and_two_threads():
-    if numba.config.NUMBA_NUM_THREADS < 2:
-        pytest.skip("Numba has a single thread here")
+def test_a_step_gives_the_same_bytes_on_one_and_two_threads(bytes_by_threads):
     grid, start = collapse(2)
-    before, results = numba.get_num_threads(), []
-    for threads in (1, 2):
-        numba.set_num_threads(threads)
-        state, _ = run(Stepper(grid, MATERIAL, Walls.cuve(2)), start, 1 / 240, 4)
-        results.append(b"".join(array.tobytes() for array in state.arrays().values()))
-    numba.set_num_threads(before)
-    assert results[0] == results[1]
+    stepper = Stepper(grid, MATERIAL, Walls.cuve(2))
+    one, two = bytes_by_threads(lambda: run(stepper, start, 1 / 240, 4)[0].arrays().values())
+    assert one == two
 
 
 def test_a_symmetric_column_collapses_symmetrically():

@@ -1,10 +1,8 @@
-"""Storage of runs: sealed files, atomic replacement, run folders, assembly, reading back."""
+"""Storage of runs: sealed files, run folders, assembly, reading back."""
 
 from __future__ import annotations
 
-import errno
 import json
-import os
 import sys
 import time
 from pathlib import Path
@@ -18,7 +16,6 @@ from hypothesis import strategies as st
 from barchan import results
 from barchan.errors import InputError
 from barchan.results import FolderStore, MemoryStore, assemble, claim_folder, frame_tree, results_in_memory
-from barchan.results.atomic import replacing, write_bytes
 from barchan.results.sealed import read_sealed, seal, unseal, write_sealed
 from barchan.results.store import CHECKPOINT_FILE, RESULTS_FILE, frame_path
 
@@ -94,38 +91,6 @@ class TestSealedFiles:
         path.write_bytes(image[: int(share * len(image))])
         with pytest.raises(InputError, match=r"file\.h5"):
             read_sealed(path)
-
-
-class TestAtomicReplacement:
-    def test_a_failing_writer_leaves_the_old_file_and_nothing_else(self, tmp_path: Path) -> None:
-        write_bytes(tmp_path / "kept", b"old")
-
-        def write_half() -> None:
-            with replacing(tmp_path / "kept") as temporary:
-                temporary.write_bytes(b"half of the ne")
-                raise RuntimeError
-
-        with pytest.raises(RuntimeError):
-            write_half()
-        assert snapshot(tmp_path) == {"kept": b"old"}
-
-    @pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO])
-    def test_a_full_or_broken_disk_leaves_the_old_file(
-        self, tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
-        def refuse(_: int) -> None:
-            raise OSError(code, os.strerror(code))
-
-        write_bytes(tmp_path / "kept", b"old")
-        monkeypatch.setattr(os, "fsync", refuse)
-        with pytest.raises(InputError, match=os.strerror(code)):
-            write_bytes(tmp_path / "kept", b"new")
-        assert snapshot(tmp_path) == {"kept": b"old"}
-
-    def test_an_unwritable_place_is_an_input_error(self, tmp_path: Path) -> None:
-        (tmp_path / "file").write_bytes(b"")
-        with pytest.raises(InputError, match="not writable"):
-            write_bytes(tmp_path / "file" / "below", b"x")
 
 
 class TestRunFolder:

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from barchan import scenes
-from barchan.results import atomic
+from barchan import scenes, storage
 from barchan.scenes import finish, observables
 
 TINY = {
@@ -159,7 +158,7 @@ def _run_and_die(folder, moment):
         replace(source, target)
 
     if moment is not None:
-        atomic.os.replace = deadly_replace
+        storage.os.replace = deadly_replace
     fake_scene().run(folder, resume=True, progress=False)
     os._exit(0)
 

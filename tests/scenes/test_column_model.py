@@ -19,6 +19,7 @@ SMALL_2D = {
     "time.end": 0.05,
     "time.frame_rate": 40.0,
     "time.step": 0.0125,
+    "time.adaptive": True,
     "per_cell": 2,
 }
 SMALL_3D = {"box.cells": [20, 2, 10], "time.end": 0.02, "time.frame_rate": 100.0, "per_cell": 2}

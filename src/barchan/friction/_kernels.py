@@ -151,6 +151,42 @@ def matrix_free_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool) -> Callable[.
     return kernel
 
 
+@cache
+def factored_products(S: int, Q: int, PARALLEL: bool) -> tuple[Callable[..., None], Callable[..., None]]:
+    """Kernels (spread, gather) of G stored as block rows (blocks Q x S): z = G^T r and u = G z."""
+
+    @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath={"contract", "reassoc"})
+    def spread(columns, r, z):
+        indptr, entries, rows, data = columns
+        for j in prange(len(indptr) - 1):
+            for c in range(Q):
+                z[j * Q + c] = 0.0
+            for place in range(indptr[j], indptr[j + 1]):
+                e, i = entries[place], rows[place]
+                for c in range(Q):
+                    total = 0.0
+                    for k in range(S):
+                        total += data[e, c, k] * r[i, k]
+                    z[j * Q + c] += total
+        return PARALLEL
+
+    @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath={"contract", "reassoc"})
+    def gather(rows, z, u):
+        indptr, indices, data = rows
+        for i in prange(len(indptr) - 1):
+            for k in range(S):
+                u[i, k] = 0.0
+            for e in range(indptr[i], indptr[i + 1]):
+                base = indices[e] * Q
+                for c in range(Q):
+                    value = z[base + c]
+                    for k in range(S):
+                        u[i, k] += data[e, c, k] * value
+        return PARALLEL
+
+    return spread, gather
+
+
 @njit(cache=True, error_model="numpy")
 def law_residual_squared(r, u, laws, rho):
     """Sum over blocks of the squared natural map, and of |r|^2: the solvers' own estimate of the law residual."""

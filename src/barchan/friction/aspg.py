@@ -27,10 +27,13 @@ def aspg(
     max_iterations: int | None = None,
     operator: str = "auto",
     check_every: int = 5,
+    shift_every: int = 1,
 ) -> None:
     """Iterate from `r0` (n, s), recording iterates every `check_every` iterations.
 
     operator : "auto", "explicit" or "matrix-free" (see `barchan.friction.operators`).
+    shift_every : iterations between updates of the De Saxce shift s(u); 1 is Algorithm B.2, more freezes a convex
+    problem in between (Cadoux's fixed point, seed B 2.3.2, with inexact inner solves) and restarts the inertia.
     """
     scaled = _Scaled(problem, build_operator(problem, operator))
     x = scaled.project(r0 / scaled.root)
@@ -45,7 +48,12 @@ def aspg(
             candidate = scaled.root * scaled.project(x)
             if recorder.record(iteration, scaled.residual(candidate), candidate) or last:
                 return
-        direction = -scaled.descent(u)
+        if iteration % shift_every == 0:
+            shift = scaled.shift(u)
+            if shift_every > 1:
+                inertia = 1.0
+        direction = -u
+        direction[:, 0] -= shift
         fresh = scaled.project(x + step * direction)
         if np.vdot(fresh - projected, direction) > 0.0:
             inertia, beta = nesterov_inertia(inertia)
@@ -87,11 +95,9 @@ class _Scaled:
         project_blocks(x, self.laws, out)
         return out
 
-    def descent(self, u: np.ndarray) -> np.ndarray:
-        """u + s(u)."""
-        shifted = u.copy()
-        shifted[:, 0] += (self.laws[:, 0] - self.laws[:, 3]) * np.linalg.norm(u[:, 1:], axis=1)
-        return shifted
+    def shift(self, u: np.ndarray) -> np.ndarray:
+        """Normal part (n,) of s(u)."""
+        return np.asarray((self.laws[:, 0] - self.laws[:, 3]) * np.linalg.norm(u[:, 1:], axis=1))
 
     def residual(self, r: np.ndarray) -> float:
         """Law residual of forces r (n, s), in the certificate's definition."""

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from barchan.errors import InputError
 from barchan.friction._kernels import explicit_sweeps, law_residual_squared, matrix_free_sweeps, sweep_scratch
 from barchan.friction.local import local_code, prepare
-from barchan.friction.operators import LumpedDelassus, StoredDelassus, build_operator
+from barchan.friction.operators import LARGEST_DENSE_DELASSUS, LumpedDelassus, StoredDelassus, build_operator
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Recorder
 from barchan.linalg import BlockRows, Schedule, coloured_schedule, natural_schedule
@@ -23,7 +23,6 @@ from barchan.linalg import BlockRows, Schedule, coloured_schedule, natural_sched
 DEFAULT_SWEEPS = 10_000
 PARALLEL_BLOCKS = 1500
 GROUP_SIZE = 16
-RELAX = 1.0
 SINGULAR = 1e-10
 PROXIMAL = 1e-3
 SLEEP_FRACTION = 0.1
@@ -38,6 +37,7 @@ def gauss_seidel(
     operator: str = "auto",
     sleeping: bool = False,
     parallel: bool | None = None,
+    relaxation: float = 1.0,
     check_every: int = 25,
     min_iterations: int = 0,
 ) -> None:
@@ -49,6 +49,7 @@ def gauss_seidel(
     sleeping : skip, for ten sweeps at a time, the blocks that a full sweep hardly changed (fewer block solves; no gain in
     time on the problems measured, hence off by default).  parallel : coloured sweeps on all threads
     (None: when there are PARALLEL_BLOCKS blocks).  check_every : sweeps between residual evaluations (fewer at first).
+    relaxation : 1 is Gauss-Seidel, more over-relaxes each block and projects it back (seed B 3.4.3).
     min_iterations : sweeps made even when the start already meets the tolerance.
     """
     delassus = build_operator(
@@ -58,7 +59,11 @@ def gauss_seidel(
         raise InputError("operator", operator, "'explicit': sweeps need W or a diagonal M")
     if parallel is None:
         parallel = problem.n >= PARALLEL_BLOCKS
-    sweep = _Sweeper(problem, delassus, local_solver, parallel)
+    if not 0.0 < relaxation < 2.0:
+        raise InputError("relaxation", relaxation, "between 0 and 2")
+    key = ("sweeper", id(delassus), local_solver, parallel)
+    sweep = problem.prepared(key, lambda: _Sweeper(problem, delassus, local_solver, parallel))
+    sweep.relaxation = relaxation
     r = sweep.start(r0)
     limit = DEFAULT_SWEEPS if max_iterations is None else max_iterations
     done = 0
@@ -76,6 +81,12 @@ def gauss_seidel(
         sweep.run(count, done, calm)
         done += count
         pause = min(2 * pause, check_every)
+
+
+def can_sweep(problem: Problem) -> bool:
+    """Whether W is stored, or cheap to store, or factored by a diagonal M."""
+    small = problem.n * problem.s <= LARGEST_DENSE_DELASSUS
+    return problem.is_reduced or small or (problem.C is None and problem.factor.inverse is not None)
 
 
 def _is_lumped(problem: Problem) -> bool:
@@ -96,7 +107,7 @@ class _Sweeper:
         self.diagonal = proximal_blocks(delassus.diagonal_blocks)
         self.local = prepare(self.diagonal)
         self.schedule = _schedule(delassus, problem.n) if parallel else natural_schedule(problem.n)
-        self.relaxation = RELAX
+        self.relaxation = 1.0
         self.scratch = sweep_scratch(self.schedule.widest, problem.s)
         self.kernel: Callable[..., Any]
         if isinstance(delassus, StoredDelassus):

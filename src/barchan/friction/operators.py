@@ -5,6 +5,7 @@ Seed B 2.3.1 (reduced formulation, eliminated bilateral constraints) and 3.4.3 (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -13,12 +14,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from barchan.errors import InputError
-from barchan.friction._kernels import block_rows_times
+from barchan.friction._kernels import block_rows_times, factored_products
 from barchan.friction.problem import Problem
 from barchan.linalg import BlockRows, block_rows, diagonal_blocks_of_square
 
 OPERATORS = ("auto", "explicit", "matrix-free")
 LARGEST_DENSE_DELASSUS = 6000
+PARALLEL_ROWS = 1500
 
 
 class Delassus(Protocol):
@@ -61,17 +63,29 @@ class LumpedDelassus:
     diagonal_blocks: np.ndarray
 
     @cached_property
-    def _matrix(self) -> sp.bsr_array:
-        data = np.ascontiguousarray(self.g.data.transpose(0, 2, 1))
-        return BlockRows(self.g.indptr, self.g.indices, data, self.g.columns).matrix()
+    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """G by columns: pointers per velocity block, then entry and block row of each of its blocks."""
+        order = np.argsort(self.g.indices, kind="stable").astype(np.int32)
+        row_of = np.repeat(np.arange(self.g.n, dtype=np.int32), np.diff(self.g.indptr))
+        counts = np.bincount(self.g.indices, minlength=self.g.columns)
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), order, row_of[order], self.g.data
+
+    @cached_property
+    def _products(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        _, q, s = self.g.data.shape
+        return factored_products(s, q, self.g.n >= PARALLEL_ROWS)
 
     def spread(self, r: np.ndarray) -> np.ndarray:
         """z = G^T r (m,) from r (n, s)."""
-        return np.asarray(self._matrix.T @ r.reshape(-1))
+        z = np.empty(self.g.columns * self.g.data.shape[1])
+        self._products[0](self._columns, r, z)
+        return z
 
     def gather(self, z: np.ndarray) -> np.ndarray:
         """G z (n, s) from z (m,)."""
-        return np.asarray(self._matrix @ z).reshape(self.b.shape)
+        u = np.empty(self.b.shape)
+        self._products[1]((self.g.indptr, self.g.indices, self.g.data), z, u)
+        return u
 
     def apply(self, r: np.ndarray) -> np.ndarray:
         """W r, cost O(entries of H)."""
@@ -117,6 +131,11 @@ def build_operator(problem: Problem, kind: str = "auto") -> Delassus:
     """
     if kind not in OPERATORS:
         raise InputError("operator", kind, "one of " + ", ".join(OPERATORS))
+    operator: Delassus = problem.prepared(("operator", kind), lambda: _build(problem, kind))
+    return operator
+
+
+def _build(problem: Problem, kind: str) -> Delassus:
     shape = (problem.n, problem.s)
     if problem.is_reduced:
         return StoredDelassus(block_rows(problem.W, problem.s, problem.s), problem.b.reshape(shape))

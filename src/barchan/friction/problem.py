@@ -5,6 +5,7 @@ M v = f + H^T r + C^T l, C v = k, u = H v + w, (u_i, r_i) in law_i (seed B Eq. 2
 
 from __future__ import annotations
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -172,6 +173,16 @@ class Problem:
     def saddle_solve(self, load: np.ndarray, k: np.ndarray) -> np.ndarray:
         """Velocities of M v = load + C^T l, C v = k: `load` (m,) or (m, q), `k` (c,) or (c, q)."""
         return np.asarray(self._saddle(np.concatenate([load, k]))[: self.size])
+
+    @cached_property
+    def _prepared(self) -> dict[Hashable, Any]:
+        return {}
+
+    def prepared(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What a solver sets up once for this problem (operators, decompositions, orders), made when first asked for."""
+        if key not in self._prepared:
+            self._prepared[key] = make()
+        return self._prepared[key]
 
     @cached_property
     def parameters(self) -> np.ndarray:

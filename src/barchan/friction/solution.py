@@ -49,20 +49,27 @@ class Recorder:
     callback: Callable[[Progress, np.ndarray], object] | None = None
     best: np.ndarray | None = None
     best_residual: float = np.inf
+    last: np.ndarray | None = None
     history: list[Progress] = field(default_factory=list)
     stopped: bool = False
+    _before: int = 0
     _start: float = field(default_factory=time.perf_counter)
 
     def record(self, iteration: int, residual: float, r: np.ndarray) -> bool:
         """Note an iterate r (n, s); True when the method should end (tolerance met or callback)."""
-        entry = Progress(iteration, residual, self.seconds)
+        entry = Progress(self._before + iteration, residual, self.seconds)
         self.history.append(entry)
+        self.last = r
         if residual < self.best_residual or self.best is None:
             self.best_residual = residual
             self.best = r.copy()
         if self.callback is not None and self.callback(entry, r):
             self.stopped = True
         return residual <= self.tolerance or self.stopped
+
+    def begin_next(self) -> None:
+        """The next method continues the count of iterations where the last one stopped."""
+        self._before = self.history[-1].iteration if self.history else 0
 
     @property
     def seconds(self) -> float:

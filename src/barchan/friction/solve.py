@@ -13,17 +13,19 @@ import numpy as np
 
 from barchan.errors import InputError
 from barchan.friction.aspg import aspg
+from barchan.friction.auto import auto
 from barchan.friction.gauss_seidel import gauss_seidel
 from barchan.friction.problem import Problem
+from barchan.linalg import one_blas_thread
 from barchan.friction.solution import Progress, Recorder, Solution, finish
 
-_METHODS: dict[str, Callable[..., None]] = {"gauss_seidel": gauss_seidel, "aspg": aspg}
+_METHODS: dict[str, Callable[..., None]] = {"auto": auto, "gauss_seidel": gauss_seidel, "aspg": aspg}
 SAFETY = 0.9
 
 
 def methods() -> tuple[str, ...]:
     """Names accepted by `solve(method=...)`."""
-    return ("auto", *_METHODS)
+    return tuple(_METHODS)
 
 
 def solve(
@@ -39,7 +41,7 @@ def solve(
 
     Parameters
     ----------
-    method : one of `methods()`; "auto" sweeps Gauss-Seidel and hands over to ASPG where it stagnates.
+    method : one of `methods()`; "auto" is a portfolio of the others (see `barchan.friction.auto`).
     tol : required residual of the certificate.
     r0 : (n s,) or (n, s) initial forces.
     max_iterations : of the method (None: its own default).
@@ -56,16 +58,15 @@ def solve(
         raise InputError("tol", tol, "finite and > 0")
     if max_iterations is not None and max_iterations < 0:
         raise InputError("max_iterations", max_iterations, ">= 0")
+    _check_options(method, options)
     start = _start(problem, r0)
     recorder = Recorder(SAFETY * tol, callback)
-    if problem.n == 0:
-        recorder.record(0, 0.0, start)
-    elif method == "auto":
-        _auto(problem, recorder, start, max_iterations, options)
-    else:
-        _check_options(method, options)
-        _METHODS[method](problem, recorder, start, max_iterations=max_iterations, **options)
-    return finish(problem, recorder, method, tol)
+    with one_blas_thread():
+        if problem.n == 0:
+            recorder.record(0, 0.0, start)
+        else:
+            _METHODS[method](problem, recorder, start, max_iterations=max_iterations, **options)
+        return finish(problem, recorder, method, tol)
 
 
 def _start(problem: Problem, r0: np.ndarray | None) -> np.ndarray:
@@ -85,26 +86,3 @@ def _check_options(method: str, options: dict[str, Any]) -> None:
     for name in options:
         if name not in allowed:
             raise InputError(f"option of {method}", name, "one of " + ", ".join(allowed))
-
-
-def _auto(
-    problem: Problem, recorder: Recorder, start: np.ndarray, limit: int | None, options: dict[str, Any]
-) -> None:
-    """Alternate Gauss-Seidel and ASPG from the best iterate so far, with doubling budgets."""
-    budget, used = 500, 0
-    total = 40_000 if limit is None else limit
-    names = list(_METHODS)
-    turn = 0
-    while used < total and not recorder.stopped:
-        name = names[turn % len(names)]
-        allowed = _METHODS[name].__code__.co_varnames[4 : _METHODS[name].__code__.co_argcount]
-        chosen = {key: value for key, value in options.items() if key in allowed}
-        count = min(budget, total - used)
-        _METHODS[name](problem, recorder, start, max_iterations=count, **chosen)
-        if recorder.best_residual <= recorder.tolerance:
-            return
-        start = recorder.best if recorder.best is not None else start
-        used += count
-        turn += 1
-        if turn % len(names) == 0:
-            budget *= 2

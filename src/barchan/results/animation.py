@@ -15,10 +15,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from barchan.results.atomic import write_bytes
 from barchan.results.pictures import COLOUR_MAP, scatter_speed
 from barchan.results.reader import Results
 from barchan.results.view import SideView, side_points, side_view, spread_frames
+from barchan.storage import write_bytes
 
 LARGEST_SIZE = 3_000_000  # bytes
 _FRAME_MILLISECONDS = 60

@@ -13,9 +13,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from barchan.results.atomic import replacing
 from barchan.results.sealed import read_tree, write_tree
 from barchan.results.store import Store
+from barchan.storage import replacing
 
 FORMAT = "barchan results 1"
 

@@ -15,9 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from barchan.results.atomic import replacing
 from barchan.results.reader import Results
 from barchan.results.view import SideView, side_points, side_view, spread_frames
+from barchan.storage import replacing
 
 COLOUR_MAP = "viridis"
 _DPI = 150

@@ -149,38 +149,37 @@ def read_summary(path: Path) -> dict[str, Any]:
     return content
 
 
+@contextmanager
+def reading(path: Path) -> Iterator[h5py.File]:
+    """The open results.h5 at `path`; whatever HDF5 finds wrong with it becomes an InputError naming it."""
+    try:
+        with h5py.File(path, "r") as file:
+            yield file
+    except (OSError, KeyError, RuntimeError) as error:
+        raise InputError(str(path), f"damaged ({error})", "an intact file of a barchan run") from error
+
+
 class _FinishedSource:
     """results.h5."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        with self._reading() as file:
+        with reading(self._path) as file:
             if bytes(file.attrs.get("format", b"")).decode(errors="replace") != FORMAT:
                 raise InputError(str(path), "a foreign HDF5 file", f"in the format {FORMAT!r}")
 
-    @contextmanager
-    def _reading(self) -> Iterator[h5py.File]:
-        """The open file; whatever HDF5 finds wrong with it becomes an InputError naming it."""
-        try:
-            with h5py.File(self._path, "r") as file:
-                yield file
-        except (OSError, KeyError, RuntimeError) as error:
-            raise InputError(
-                str(self._path), f"damaged ({error})", "an intact file of a barchan run"
-            ) from error
-
     def frame_count(self) -> int:
-        with self._reading() as file:
+        with reading(self._path) as file:
             return len(file["frames"])
 
     def frame_group(self, index: int, group: str) -> Tree:
-        with self._reading() as file:
+        with reading(self._path) as file:
             return with_true_dimension(
                 read_tree(file[f"frames/{index:05d}/{group}"]), int(file.attrs["dimension"])
             )
 
     def table(self, name: str) -> Tree:
-        with self._reading() as file:
+        with reading(self._path) as file:
             return read_tree(file[name])
 
 

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 
 from barchan.errors import InputError
-from barchan.results.atomic import write_bytes
+from barchan.storage import write_bytes
 
 Tree = dict[str, Any]
 """Nested dict: names -> numpy arrays (leaves) or further dicts (groups)."""

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from barchan.errors import InputError
-from barchan.results.atomic import TEMPORARY_MARK, remove_partial_files, unwritable, write_text
 from barchan.results.sealed import Tree, read_image, read_sealed, seal, write_sealed
+from barchan.storage import TEMPORARY_MARK, remove_partial_files, unwritable, write_text
 
 SCENE_FILE = "scene.toml"
 RESULTS_FILE = "results.h5"

@@ -13,7 +13,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import h5py
 
-from barchan.results.atomic import write_bytes
+from barchan.results.reader import reading
+from barchan.storage import write_bytes
 
 _CELL_OF_CORNERS = {4: "Quadrilateral", 8: "Hexahedron"}
 _SCALAR_FIELDS = {
@@ -25,12 +26,14 @@ _NUMBER_TYPES = {"f": "Float", "i": "Int"}
 
 
 def write_xdmf(results_path: Path, path: Path) -> None:
-    """Write the XDMF description of `results_path` (a results.h5) to `path` in the same folder,
-    atomically."""
+    """Write the XDMF description of `results_path` (a results.h5) to `path` in the same folder, atomically.
+
+    Raises InputError when `results_path` is damaged or the folder cannot be written.
+    """
     root = Element("Xdmf", Version="2.0")
     domain = SubElement(root, "Domain")
     movie = SubElement(domain, "Grid", Name="run", GridType="Collection", CollectionType="Temporal")
-    with h5py.File(results_path, "r") as file:
+    with reading(results_path) as file:
         for name, time in zip(file["frames"], file["observables/time"][()], strict=True):
             instant = SubElement(
                 movie, "Grid", Name=f"frame {name}", GridType="Collection", CollectionType="Spatial"

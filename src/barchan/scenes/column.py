@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from barchan.errors import InputError
 from barchan.flows.mpm import Material, Options, State, Stepper, StepRecord, Wall, Walls, fill_box
+from barchan.friction import methods
 from barchan.scenes.model import Arrays
 from barchan.scenes.observables import column_volume, geometry_observables
 from barchan.scenes.parameters import FACES, FrictionalWall, SceneParameters
@@ -130,8 +132,10 @@ def build_walls(parameters: SceneParameters) -> Walls:
 
 
 def build_options(parameters: SceneParameters) -> Options:
-    """Solver and transfer options of the stepper."""
+    """Solver and transfer options of the stepper. Raises InputError for a solver that does not exist."""
     solver, particles = parameters.solver, parameters.particles
+    if solver.method not in methods():
+        raise InputError("solver.method", solver.method, "one of " + ", ".join(methods()))
     return Options(
         tolerance=solver.tolerance,
         max_sweeps=solver.max_sweeps,

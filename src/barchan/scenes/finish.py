@@ -15,12 +15,12 @@ from typing import Any
 
 from barchan.results import FolderStore, Results, assemble, write_xdmf
 from barchan.results import open as open_results
-from barchan.results.atomic import write_text
 from barchan.results.store import PICTURES_FOLDER, SUMMARY_FILE, XDMF_FILE, make_folder
 from barchan.scenes.observables import summarise, surface_of
 from barchan.scenes.parameters import SceneParameters
 from barchan.scenes.progress import Progress
 from barchan.scenes.runner import Clock
+from barchan.storage import write_text
 
 
 def is_finished(store: FolderStore) -> bool:

@@ -70,6 +70,13 @@ class MaterialGroup(Group):
     max_volume_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
         default=1.0, description="volume fraction of the packed material (1: volumes are bulk volumes)"
     )
+    packing_tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
+        default=0.02, description="matter within this share of it counts as packed and bears load"
+    )
+    static_excess: NotNegative = Field(
+        default=0.0, description="relative excess of friction where loaded matter hardly shears"
+    )
+    static_shear_rate: NotNegative = Field(default=0.0, description="shear rate below which it acts, 1/s")
 
 
 class FrictionalWall(Group):
@@ -107,11 +114,11 @@ class TimeGroup(Group):
 class SolverGroup(Group):
     """[solver]"""
 
-    method: str = Field(default="gauss_seidel", min_length=1, description="name of the friction solver")
+    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
     tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=1e-4, description="largest certificate of a step"
     )
-    max_sweeps: Count = Field(default=2000, description="most solver iterations in a step")
+    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a step")
     min_sweeps: Annotated[int, Field(ge=0)] = Field(
         default=5, description="fewest solver iterations in a step"
     )

@@ -110,7 +110,7 @@ class Scene:
         return run_frames(model, store, time.frame_rate, self.parameters.frame_count, display)
 
 
-def load(scene: str | Path, **overrides: Any) -> Scene:
+def load(scene: str | Path, /, **overrides: Any) -> Scene:
     """A scene by preset name ("collapse") or TOML file, with parameters overridden.
 
     Keys of `overrides` are bare when they stand in one table only (friction=0.5), have a double underscore

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from barchan.errors import InputError
-from barchan.scenes.parameters import SceneParameters, WallsGroup, check_geometry
+from barchan.scenes.parameters import FrictionalWall, SceneParameters, check_geometry
 
 _WALL_ALLOWED = '"stick", "slip" or {friction = F} with F a finite number >= 0'
 
@@ -31,9 +31,18 @@ def validate(tables: Mapping[str, Any]) -> SceneParameters:
     return parameters
 
 
+def known_tables() -> dict[str, type[BaseModel]]:
+    """Table of a scene file -> model of its keys, in order."""
+    groups = {}
+    for name, field in SceneParameters.model_fields.items():
+        assert isinstance(field.annotation, type)
+        groups[name] = field.annotation
+    return groups
+
+
 def known_keys() -> list[str]:
     """Every dotted key of a scene file, in order."""
-    return [f"{table}.{key}" for table, group in _groups().items() for key in group.model_fields]
+    return [f"{table}.{key}" for table, group in known_tables().items() for key in group.model_fields]
 
 
 def nearest(word: str, candidates: Iterable[str]) -> str:
@@ -42,17 +51,8 @@ def nearest(word: str, candidates: Iterable[str]) -> str:
     return f" (nearest: {matches[0]})" if matches else ""
 
 
-def _groups() -> dict[str, type[BaseModel]]:
-    """Table name -> model of the table."""
-    groups = {}
-    for name, field in SceneParameters.model_fields.items():
-        assert isinstance(field.annotation, type)
-        groups[name] = field.annotation
-    return groups
-
-
 def _reject_unknown_keys(tables: Mapping[str, Any]) -> None:
-    groups = _groups()
+    groups = known_tables()
     for table, content in tables.items():
         if table not in groups:
             raise InputError(
@@ -79,34 +79,38 @@ def _first_error(error: ValidationError) -> InputError:
     details = error.errors(include_url=False)[0]
     location = [str(part) for part in details["loc"]]
     table, key = location[0], location[1] if len(location) > 1 else None
-    group = _groups()[table]
+    group = known_tables()[table]
     if key is None:
         return InputError(table, "missing", f"a table [{table}] with keys " + ", ".join(group.model_fields))
     field = group.model_fields[key]
     index = f"[{location[2]}]" if len(location) > 2 and location[2].isdigit() else ""
     value = "missing" if details["type"] == "missing" else details["input"]
-    allowed = _WALL_ALLOWED if group is WallsGroup else allowed_values(field)
-    return InputError(f"{table}.{key}{index}", value, allowed)
+    return InputError(f"{table}.{key}{index}", value, allowed_values(field))
 
 
 def allowed_values(field: FieldInfo) -> str:
     """What a field accepts, in words: type, bounds and description with its unit."""
+    return f"{accepted(field)} ({field.description})"
+
+
+def accepted(field: FieldInfo) -> str:
+    """Type and bounds of what a field accepts, in words."""
     annotation: Any = field.annotation
+    if _is_wall(annotation):
+        return _WALL_ALLOWED
     if get_origin(annotation) is Literal:
-        kind = "one of " + ", ".join(repr(choice) for choice in get_args(annotation))
-    elif get_origin(annotation) is list:
+        return "one of " + ", ".join(repr(choice) for choice in get_args(annotation))
+    if get_origin(annotation) is list:
         inner, *metadata = get_args(get_args(annotation)[0])
-        bounds = _bounds(metadata[0].metadata)
-        kind = f"2 or 3 {'whole' if inner is int else 'finite'} numbers{bounds}"
-    else:
-        words = {
-            float: "a finite number",
-            int: "a whole number",
-            bool: "true or false",
-            str: "a text without spaces",
-        }
-        kind = words[annotation] + _bounds(field.metadata)
-    return f"{kind} ({field.description})"
+        return f"2 or 3 {'whole' if inner is int else 'finite'} numbers{_bounds(metadata[0].metadata)}"
+    if any(getattr(entry, "pattern", None) for entry in field.metadata):
+        return "a word of letters, digits and _ . -"
+    words = {float: "a finite number", int: "a whole number", bool: "true or false", str: "a text"}
+    return words[annotation] + _bounds(field.metadata)
+
+
+def _is_wall(annotation: Any) -> bool:
+    return FrictionalWall in get_args(annotation)
 
 
 def _bounds(metadata: Iterable[Any]) -> str:

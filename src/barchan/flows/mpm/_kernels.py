@@ -29,6 +29,12 @@ def _inside_unit(t: float) -> float:
 
 
 @njit(cache=True, inline="always")
+def _in_half(t: float, half: int) -> bool:
+    """A particle in the middle belongs to both halves, so that mirrored matter marks mirrored parts."""
+    return t > 0.5 - SMALLEST_LOCAL_COORDINATE if half == 1 else t < 0.5 + SMALLEST_LOCAL_COORDINATE
+
+
+@njit(cache=True, inline="always")
 def _affine_share(t: float) -> float:
     return min(1.0, t * (1.0 - t) / AFFINE_MARGIN)
 
@@ -47,8 +53,11 @@ def sum_cells(
     volumes: NDArray[np.float64],
     moments: NDArray[np.float64],
     momenta: NDArray[np.float64],
+    halves: NDArray[np.bool_],
 ) -> None:
     """Moments (C, 3^d) of the particle volumes and, at the corners (C, 2^d, d), sum V_p w_i (v_p + c_p (y_i - x_p)).
+
+    `halves` (C, 2^d) tells which parts of the cell, cut in two along each axis, hold a particle.
 
     `origin`, `spacing` and `cells` have length 3; in the plane the third entries are 0, 1 and 1.
     """
@@ -67,6 +76,11 @@ def sum_cells(
             b0 = ((1.0 - t0) * (1.0 - t0), t0 * (1.0 - t0), t0 * t0)
             b1 = ((1.0 - t1) * (1.0 - t1), t1 * (1.0 - t1), t1 * t1)
             b2 = ((1.0 - t2) * (1.0 - t2), t2 * (1.0 - t2), t2 * t2)
+            for i in range(2):
+                for j in range(2):
+                    for k in range(corners):
+                        if _in_half(t0, i) and _in_half(t1, j) and (d == 2 or _in_half(t2, k)):
+                            halves[c, (2 * i + j) * corners + k] = True
             for i in range(3):
                 for j in range(3):
                     product = volume * b0[i] * b1[j]

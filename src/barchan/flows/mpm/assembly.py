@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from barchan.cones import chi_inverse, tensor_block_size
 from barchan.flows.mpm._kernels import fill_strain_blocks, gather_viscous_blocks
+from barchan.flows.mpm.material import Material
 from barchan.flows.mpm.stencil import moment_tables
 from barchan.flows.mpm.transfer import GridMatter
 from barchan.flows.mpm.walls import WallContacts
@@ -67,16 +68,19 @@ def with_wall_rows(strain: sp.bsr_array, contacts: WallContacts, free: NDArray[n
     )
 
 
-def compression_allowance(matter: GridMatter, max_volume_fraction: float, dt: float) -> NDArray[np.float64]:
-    """k (n, s): e_N sqrt(2/d) max(phi_max |w_i| - sum_p V_p w_i(x_p), 0) / dt [m^d/s] (seed B, 7.1.4 and 7.3.1).
+def compression_allowance(matter: GridMatter, material: Material, dt: float) -> NDArray[np.float64]:
+    """k (n, s): e_N sqrt(2/d) max(phi_max c_i - sum_p V_p w_i(x_p), 0) / dt [m^d/s] (seed B, 7.1.4 and 7.3.1).
 
     From k(tau) = integral of (beta / d) Tr tau and Tr chi(e_N) = sqrt(2 d). The clamp at zero keeps the step dissipative:
-    excess volume is not pushed out again.
+    excess volume is not pushed out again. c_i is the room occupied by matter (`GridMatter.occupied_capacities`) and nodes
+    within `material.packing_tolerance` of phi_max count as packed: both make k smaller, never negative, so the argument of
+    seed B 7.1.2 that contacts dissipate holds as before.
     """
     d = matter.grid.dimension
-    room = np.maximum(max_volume_fraction * matter.capacities - matter.volumes, 0.0)
+    capacity = material.max_volume_fraction * matter.occupied_capacities
+    room = capacity - matter.volumes
     allowance = np.zeros((len(room), tensor_block_size(d)))
-    allowance[:, 0] = np.sqrt(2.0 / d) * room / dt
+    allowance[:, 0] = np.where(room > material.packing_tolerance * capacity, np.sqrt(2.0 / d) * room / dt, 0.0)
     return allowance
 
 

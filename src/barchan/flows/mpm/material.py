@@ -28,6 +28,10 @@ class Material:
     grain_diameter : d_g >= 0 [m].
     viscosity : Newtonian eta >= 0 [Pa s], in sigma = eta D(u).
     max_volume_fraction : phi_max in (0, 1].
+    static_excess, static_shear_rate : loaded matter that shears slower than `static_shear_rate` [1/s] has its friction
+        multiplied by 1 + `static_excess`: what has stopped takes a little more to start again. 0 (none) by default.
+    packing_tolerance : matter within this share of phi_max counts as packed and bears load, in [0, 1); 0 is the seed's
+        sharp criterion, under which contacts open and close at every step where matter rests.
 
     Raises
     ------
@@ -41,6 +45,9 @@ class Material:
     grain_diameter: float = 0.0
     viscosity: float = 0.0
     max_volume_fraction: float = 1.0
+    packing_tolerance: float = 0.02
+    static_excess: float = 0.0
+    static_shear_rate: float = 0.0
 
     def __post_init__(self) -> None:
         positive = ("density", "inertial_reference", "max_volume_fraction")
@@ -53,13 +60,16 @@ class Material:
                 raise InputError(f"material.{field.name}", value, allowed) from None
             if not math.isfinite(number) or number < 0.0 or (number == 0.0 and field.name in positive):
                 raise InputError(f"material.{field.name}", value, allowed)
+        if self.packing_tolerance >= 1.0:
+            raise InputError("material.packing_tolerance", self.packing_tolerance, "below 1")
         if self.max_volume_fraction > 1.0:
             raise InputError("material.max_volume_fraction", self.max_volume_fraction, "at most 1")
 
     @property
     def rate_dependent(self) -> bool:
         """Whether friction depends on the flow at all."""
-        return self.friction_increment > 0.0 and self.grain_diameter > 0.0
+        grows = self.friction_increment > 0.0 and self.grain_diameter > 0.0
+        return grows or (self.static_excess > 0.0 and self.static_shear_rate > 0.0)
 
     def friction_at(
         self, shear_rate: NDArray[np.float64], pressure: NDArray[np.float64]
@@ -69,11 +79,13 @@ class Material:
         shear_rate : (n,) |Dev D(u)| = sqrt(Dev D:Dev D / 2) [1/s], half of the velocity gradient du/dy of simple shear.
         pressure : (n,) [Pa]; where it is not positive, I is infinite and mu(I) = mu_D, except without shear: mu_s.
         """
-        if not self.rate_dependent:
-            return np.full(np.shape(shear_rate), self.friction)
+        still = (np.asarray(shear_rate) < self.static_shear_rate) & (np.asarray(pressure) > 0.0)
+        factor = np.where(still, 1.0 + self.static_excess, 1.0)
+        if self.friction_increment == 0.0 or self.grain_diameter == 0.0:
+            return self.friction * factor
         # mu_s + (mu_D - mu_s) I / (I_0 + I), multiplied out by sqrt(p / rho) so that p -> 0 needs no division by zero.
         grain_speed = np.asarray(shear_rate) * self.grain_diameter
         reference_speed = self.inertial_reference * np.sqrt(np.maximum(pressure, 0.0) / self.density)
         total = grain_speed + reference_speed
         share = np.divide(grain_speed, total, out=np.zeros_like(total), where=total > 0.0)
-        return self.friction + self.friction_increment * share
+        return (self.friction + self.friction_increment * share) * factor

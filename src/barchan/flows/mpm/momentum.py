@@ -74,7 +74,7 @@ def build_step_problem(
     masses = material.density * matter.volumes
     inertia = np.maximum(masses, SMALLEST_MASS_SHARE * material.density * grid.cell_volume) / dt
     predicted = unconstrained_velocities(matter, material, free, inertia, gravity, dt, viscous_tolerance)
-    allowance = compression_allowance(matter, material.max_volume_fraction, dt)
+    allowance = compression_allowance(matter, material, dt)
     walls_at_rest = np.zeros((len(contacts.numbers), start.shape[1]))
     diagonal = np.repeat(inertia, grid.dimension)
     problem = Problem(

@@ -21,13 +21,14 @@ class Options:
         a stress field equal to the mean overburden (seed B, 7.5.3 stops at 1e-3 of the typical stress rho g L).
     rest_tolerance : the certificate aimed at instead (if it is smaller) in steps that begin nearly at rest, with no particle
         faster than 2 % of sqrt(g H), H being twice the mean height of the matter: what is left over by `tolerance` moves
-        grains visibly slower than this, and for ever. Missing it is no failure.
+        surface grains faster than that for ever. Missing it is no failure.
     max_sweeps : iterations after which an unconverged step is accepted as it is, and recorded so.
     min_sweeps : Gauss-Seidel sweeps made even when the stresses of the last step already meet the tolerance; without
         them matter at rest creeps, because the same small imbalance acts in every step.
     method : "gauss_seidel", or any other name of `barchan.friction.methods()`.
     cfl : largest number of cells a particle crosses in one substep of its move.
-    transfer : "apic" carries velocity gradients on the particles, "pic" does not (more dissipative; seed B, 5.2.4).
+    transfer : "apic" carries velocity gradients on the particles, "pic" does not (more dissipative; seed B, 5.2.4). Steps
+        that begin nearly at rest, as above, are PIC steps always: energy then decreases strictly.
     volume_correction : share of the excess volume at a node that a shift of the particles removes each step, 0 (none) to 1;
         see `volume`. Without it volume fractions drift above the maximum where matter tumbles (seed B, 7.5.4).
     viscous_tolerance : relative residual of the conjugate gradients of the viscous step (seed B, Eq. 7.22).
@@ -39,9 +40,9 @@ class Options:
 
     tolerance: float = 1e-4
     rest_tolerance: float = 1e-5
-    max_sweeps: int = 2000
+    max_sweeps: int = 10_000
     min_sweeps: int = 5
-    method: str = "gauss_seidel"
+    method: str = "auto"
     cfl: float = 0.5
     transfer: Literal["apic", "pic"] = "apic"
     volume_correction: float = 0.3

@@ -7,8 +7,8 @@ loses energy (implicit inertia, gravity and friction; seed B, 7.1.2), the correc
 half of what friction took, and with PIC transfers the way from the grid to the particles and back loses energy too (Jensen's
 inequality): E then never increases, up to the second order of the move. APIC also carries sum_p m_p Tr(c_p D_p c_p^T) / 2
 <= m h^2 |grad u|^2 / 8, where the tensor D_p changes with the particle's place in its cell: E may rise by that lumping
-error in fast flow without friction; where matter yields friction outweighs it, and at rest it vanishes. The kinetic energy
-of the particles alone, which lacks the affine part, obeys no such bound.
+error in fast flow without friction; where matter yields friction outweighs it, and steps that begin nearly at rest are PIC
+steps. The kinetic energy of the particles alone, which lacks the affine part, obeys no such bound.
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ from barchan.flows.mpm.material import Material
 from barchan.flows.mpm.momentum import StepProblem, build_step_problem, mean_height
 from barchan.flows.mpm.options import Options
 from barchan.flows.mpm.state import State, StepRecord
+from barchan.flows.mpm.threads import threads_for
 from barchan.flows.mpm.transfer import grid_to_particles, move_particles, particles_to_grid, substeps_needed
 from barchan.flows.mpm.volume import volume_shift, within_energy
 from barchan.flows.mpm.walls import Walls
 from barchan.friction import Problem, Solution, solve
 from barchan.spaces import RegularGrid
 
-# Steps that begin with every particle slower than this share of sqrt(g H) are solved to `Options.rest_tolerance`.
+# Steps that begin with every particle slower than this share of sqrt(g H) are PIC steps, solved to `rest_tolerance`.
 REST_SPEED = 0.02
 
 
@@ -92,12 +93,13 @@ class Stepper:
         )
         assert solution.v is not None  # a full problem always has velocities
         node_velocities = solution.v.reshape(step.matter.velocities.shape)
-        velocities, affine = grid_to_particles(step.matter, node_velocities, state.positions)
-        substeps = substeps_needed(step.matter, node_velocities, dt, self.options.cfl)
-        shift = self._shift(step, node_velocities, dt)
-        positions = move_particles(
-            step.matter, node_velocities, state.positions, velocities, dt, substeps, shift
-        )
+        with threads_for(state.particle_count):
+            velocities, affine = grid_to_particles(step.matter, node_velocities, state.positions)
+            substeps = substeps_needed(step.matter, node_velocities, dt, self.options.cfl)
+            shift = self._shift(step, node_velocities, dt)
+            positions = move_particles(
+                step.matter, node_velocities, state.positions, velocities, dt, substeps, shift
+            )
         count = len(step.masses)
         forces = solution.r.reshape(len(step.start), -1)
         after = State(
@@ -124,15 +126,26 @@ class Stepper:
             raise InputError(
                 "state", f"{state.dimension}D", f"of the dimension of the grid ({self.grid.dimension})"
             )
-        matter = particles_to_grid(self.grid, state, affine=self.options.transfer == "apic")
-        return build_step_problem(
-            matter, state, self.material, self.walls, self.gravity, dt, self.options.viscous_tolerance
-        )
+        affine = self.options.transfer == "apic" and not self._rests(state)
+        with threads_for(state.particle_count):
+            matter = particles_to_grid(self.grid, state, affine=affine)
+            return build_step_problem(
+                matter, state, self.material, self.walls, self.gravity, dt, self.options.viscous_tolerance
+            )
+
+    def _rests(self, state: State) -> bool:
+        """Whether every particle is slower than REST_SPEED sqrt(g H), H being twice the mean height of the matter.
+
+        Never so in the first step: matter put in place is about to move.
+        """
+        if state.step == 0:
+            return False
+        fastest = float(np.max(np.sum(state.velocities**2, axis=1)))
+        return fastest < REST_SPEED**2 * 2.0 * self.gravity * mean_height(state)
 
     def _tolerance(self, state: State) -> float:
         """The tolerance of a step from `state`: stricter when everything nearly rests."""
-        fastest = float(np.max(np.sum(state.velocities**2, axis=1)))
-        if fastest < REST_SPEED**2 * 2.0 * self.gravity * mean_height(state):
+        if self._rests(state):
             return min(self.options.tolerance, self.options.rest_tolerance)
         return self.options.tolerance
 

@@ -28,6 +28,7 @@ class GridMatter:
 
     grid, active, stencil : the grid, the sorted particles and the neighbourhoods of the active nodes.
     moments : (C, 3^d) moments of the particle volumes in the occupied cells (see `_kernels`).
+    halves : (C, 2^d) which parts of each occupied cell, cut in two along each axis, hold a particle.
     volumes : (n,) sum_p V_p w_i(x_p) [m^d].
     velocities : (n, d) u^{p->g} [m/s], particle velocities averaged as the nodes see them (seed B, Eq. 7.17).
     """
@@ -36,6 +37,7 @@ class GridMatter:
     active: ActiveCells
     stencil: NodeStencil
     moments: NDArray[np.float64]
+    halves: NDArray[np.bool_]
     volumes: NDArray[np.float64]
     velocities: NDArray[np.float64]
 
@@ -43,6 +45,20 @@ class GridMatter:
     def capacities(self) -> NDArray[np.float64]:
         """(n,) integrals of the shape functions over the box [m^d]."""
         return self.grid.node_volumes(self.active.nodes)
+
+    @cached_property
+    def occupied_capacities(self) -> NDArray[np.float64]:
+        """(n,) integrals of the shape functions over the occupied half-cells [m^d]: the room that matter shares.
+
+        At a free surface the empty part of a node's support does not count, so that packed matter is packed up to its
+        surface; with whole supports the uppermost cells would carry no stress and creep (seed B, Figure 7.3).
+        """
+        corners = moment_tables(self.grid.dimension).corners
+        share = np.prod(np.where(corners[:, None, :] == corners[None, :, :], 0.375, 0.125), axis=-1)
+        in_cells = self.grid.cell_volume * (self.halves @ share)
+        cells = self.stencil.cells
+        around = in_cells[cells, np.arange(cells.shape[1])]
+        return np.asarray(np.sum(np.where(cells >= 0, around, 0.0), axis=1))
 
     @cached_property
     def volume_fractions(self) -> NDArray[np.float64]:
@@ -74,17 +90,18 @@ def particles_to_grid(grid: RegularGrid, state: State, affine: bool = True) -> G
     active = sort_particles(grid, state.positions)
     stencil, tables = node_stencil(grid, active), moment_tables(d)
     moments = np.zeros((len(active.occupied), 3**d))
+    halves = np.zeros((len(active.occupied), 2**d), dtype=np.bool_)
     momenta = np.zeros((len(active.occupied), 2**d, d))
     origin, spacing, cells, _ = _padded(grid)
     gradients = state.affine if affine else np.zeros_like(state.affine)
     sum_cells(
         active.order, active.starts, active.occupied, origin, spacing, cells,
-        state.positions, state.velocities, gradients, state.volumes, moments, momenta,
+        state.positions, state.velocities, gradients, state.volumes, moments, momenta, halves,
     )  # fmt: skip
     volumes = np.zeros(len(active.nodes))
     node_momenta = np.zeros((len(active.nodes), d))
     gather_nodes(stencil.cells, tables.value, moments, momenta, volumes, node_momenta)
-    return GridMatter(grid, active, stencil, moments, volumes, node_momenta / volumes[:, None])
+    return GridMatter(grid, active, stencil, moments, halves, volumes, node_momenta / volumes[:, None])
 
 
 def grid_to_particles(

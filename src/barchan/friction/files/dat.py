@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from barchan.errors import InputError
 from barchan.friction.files.arrays import ProblemArrays, canonical, require_sound
-from barchan.friction.files.atomic import replacing
 from barchan.friction.files.matrices import read_matrix
 from barchan.friction.files.tokens import TokenReader
+from barchan.storage import replacing
 
 _FLAGS = (b"0", b"1")
 

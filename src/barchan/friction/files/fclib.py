@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from barchan.errors import InputError
 from barchan.friction.files.arrays import ProblemArrays, SolutionArrays, Vector, canonical, require_sound
-from barchan.friction.files.atomic import replacing
+from barchan.storage import replacing
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CSC, _CSR = -1, -2

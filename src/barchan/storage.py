@@ -1,7 +1,7 @@
-"""Files that are either wholly there or not there: write to a temporary neighbour, fsync, rename.
+"""Files that are either wholly there or not there: write to a temporary neighbour, flush to disk, rename.
 
-A kill at any moment leaves the old file or the new one, never half of one. Every file of a run folder
-goes through here (DESIGN: "nothing already written is damaged").
+A kill at any moment leaves the old file or the new one, never half of one. Every file the house writes, in run folders and
+elsewhere, goes through here (DESIGN: "nothing already written is damaged").
 """
 
 from __future__ import annotations
@@ -20,10 +20,18 @@ TEMPORARY_MARK = ".barchan-partial"
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; on success flush it to disk and rename it over `path`.
 
-    If the block fails or the process dies, `path` keeps its former content. Raises InputError when the
-    folder cannot be written (permissions, full disk).
+    The temporary name holds the number of the process, so that two processes writing the same file do not mix.
+
+    Raises
+    ------
+    InputError : `path` is a folder, or the system refuses to write there (no such folder, permissions, full disk). If the
+        block fails or the process dies, `path` keeps its former content.
     """
-    temporary = path.with_name(path.name + TEMPORARY_MARK)
+    if path.is_dir():
+        raise InputError(str(path), "a folder", "a file name")
+    if not path.parent.is_dir():
+        raise InputError(str(path), "not writable (no such folder)", "in a folder that can be written")
+    temporary = path.with_name(f"{path.name}.{os.getpid()}{TEMPORARY_MARK}")
     try:
         yield temporary
         _flush(temporary)
@@ -32,7 +40,8 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise unwritable(path, error) from error
     finally:
-        _discard(temporary)
+        with suppress(OSError):  # a folder that cannot be written holds nothing to discard
+            temporary.unlink(missing_ok=True)
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -48,7 +57,9 @@ def write_text(path: Path, content: str) -> None:
 
 def unwritable(path: Path, error: OSError) -> InputError:
     """The error for a path that the system refuses to create or write."""
-    reason = error.strerror or str(error)
+    reason = (
+        os.strerror(error.errno) if error.errno else str(error)
+    )  # HDF5's own text would name the temporary file
     return InputError(str(path), f"not writable ({reason})", "in a folder that can be written")
 
 
@@ -56,13 +67,6 @@ def remove_partial_files(folder: Path) -> None:
     """Delete what a killed process left half written in `folder` (not recursive)."""
     for leftover in folder.glob("*" + TEMPORARY_MARK):
         leftover.unlink(missing_ok=True)
-
-
-def _discard(path: Path) -> None:
-    """Delete a file if it is there and can be deleted (a folder that cannot be written has none to
-    delete)."""
-    with suppress(OSError):
-        path.unlink(missing_ok=True)
 
 
 def _flush(path: Path) -> None:
