@@ -18,7 +18,9 @@ CELLS_IN_HEIGHT = 20
 RATE_LAW = {"friction": 0.32, "friction_increment": 0.28, "inertial_reference": 0.4, "grain_diameter": 0.0005}
 
 
-def column_scene(aspect_ratio: float, material: dict[str, float], cells_in_height: int = CELLS_IN_HEIGHT) -> bc.scenes.Scene:
+def column_scene(
+    aspect_ratio: float, material: dict[str, float], cells_in_height: int = CELLS_IN_HEIGHT
+) -> bc.scenes.Scene:
     """A plane column of height HEIGHT on a rough floor, in a box long enough for its run-out.
 
     aspect_ratio : a = height / length.  material : keys of [material] besides the density.
@@ -36,13 +38,22 @@ def column_scene(aspect_ratio: float, material: dict[str, float], cells_in_heigh
     )
 
 
-def run_out(aspect_ratio: float, material: dict[str, float], cells_in_height: int = CELLS_IN_HEIGHT) -> dict[str, float]:
+def run_out(
+    aspect_ratio: float, material: dict[str, float], cells_in_height: int = CELLS_IN_HEIGHT
+) -> dict[str, float]:
     """Run-out (L - L0) / L0 of the bulk and of the furthest grain, and the final slopes in degrees."""
     scene = column_scene(aspect_ratio, material, cells_in_height)
     summary = scene.run(progress=False).summary
     return {
         key: summary[key]
-        for key in ("run_out", "run_out_bulk", "slope_steepest", "slope_mean", "worst_certificate", "final_speed")
+        for key in (
+            "run_out",
+            "run_out_bulk",
+            "slope_steepest",
+            "slope_mean",
+            "worst_certificate",
+            "final_speed",
+        )
     }
 
 
@@ -85,11 +96,19 @@ def draw(
     left.plot(a, 1.2 * a, "k--", label="laboratory: 1.2 a")
     left.plot(ratios, [f["run_out"] for f in by_ratio], "o", label="furthest grain")
     left.plot(ratios, [f["run_out_bulk"] for f in by_ratio], "s", mfc="none", label="99.5 % of the volume")
-    left.set(xlabel="aspect ratio a = H0 / L0 (-)", ylabel="run-out (L - L0) / L0 (-)", title="mu(I): 0.32 to 0.6")
+    left.set(
+        xlabel="aspect ratio a = H0 / L0 (-)", ylabel="run-out (L - L0) / L0 (-)", title="mu(I): 0.32 to 0.6"
+    )
     left.legend()
     right.plot(frictions, [f["run_out"] for f in by_friction], "o-", label="furthest grain")
-    right.plot(frictions, [f["run_out_bulk"] for f in by_friction], "s--", mfc="none", label="99.5 % of the volume")
-    right.set(xlabel="friction coefficient (-)", ylabel="run-out (L - L0) / L0 (-)", title="a = 1, constant friction")
+    right.plot(
+        frictions, [f["run_out_bulk"] for f in by_friction], "s--", mfc="none", label="99.5 % of the volume"
+    )
+    right.set(
+        xlabel="friction coefficient (-)",
+        ylabel="run-out (L - L0) / L0 (-)",
+        title="a = 1, constant friction",
+    )
     right.legend()
     figure.savefig(path, dpi=120)
 

@@ -1,29 +1,28 @@
-"""The commands as a person meets them: exit codes, one clear line for every mistake, and nothing damaged."""
+"""The commands as a person meets them: what they print, what they leave, and their exit codes."""
 
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
 
-import barchan
-from barchan import cli, friction, results, scenes
-from barchan.cones import Coulomb
+from barchan import cli, results, scenes
+
+SmallRun = Callable[..., list[str]]
 
 
 class TestRun:
     def test_a_run_leaves_a_complete_folder_and_a_second_one_gets_the_next_number(
-        self, capsys: pytest.CaptureFixture[str]
+        self, small_run: SmallRun, capsys: pytest.CaptureFixture[str]
     ) -> None:
-        arguments = ["run", *small_run("time.end=0.04", "tolerance=1e-3")]
+        arguments = small_run("time.end=0.04", "tolerance=1e-3")
         assert cli.main(arguments) == 0
         folder = Path("runs/collapse-1")
         names = sorted(path.name for path in folder.iterdir())
@@ -39,17 +38,21 @@ class TestRun:
         assert results.open("runs/collapse-2").frames == 2
         assert capsys.readouterr() == ("", "")
 
-    def test_resuming_a_finished_run_says_so(self, capsys: pytest.CaptureFixture[str]) -> None:
-        arguments = ["run", *small_run("time.end=0.02", "tolerance=1e-3"), "--out", "x"]
+    def test_resuming_a_finished_run_says_so(
+        self, small_run: SmallRun, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        arguments = [*small_run("time.end=0.02", "tolerance=1e-3"), "--out", "x"]
         assert cli.main([*arguments, "--quiet"]) == 0
         before = Path("x/results.h5").read_bytes()
         assert cli.main([*arguments, "--resume"]) == 0
         assert "already finished" in capsys.readouterr().out
         assert Path("x/results.h5").read_bytes() == before
 
-    def test_steps_that_miss_the_tolerance_give_exit_code_3(self, capsys: pytest.CaptureFixture[str]) -> None:
+    def test_steps_that_miss_the_tolerance_give_exit_code_3(
+        self, small_run: SmallRun, capsys: pytest.CaptureFixture[str]
+    ) -> None:
         hard = small_run("time.end=0.04", "max_sweeps=1", "min_sweeps=0", "tolerance=1e-9")
-        assert cli.main(["run", *hard, "--quiet", "--out", "x"]) == 3
+        assert cli.main([*hard, "--quiet", "--out", "x"]) == 3
         assert "missed the tolerance" in capsys.readouterr().err
         assert results.open("x").summary["unconverged_steps"] > 0
 
@@ -97,18 +100,9 @@ class TestSolve:
 
 
 def test_a_real_run_killed_with_sigkill_and_resumed_has_the_bytes_of_an_uninterrupted_one(
-    python_environment: dict[str, str],
+    small_run: SmallRun, python_environment: dict[str, str]
 ) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "barchan.cli",
-        "run",
-        "collapse",
-        *SMALL,
-        *settings("time.end=0.6"),
-        "--quiet",
-    ]
+    command = [sys.executable, "-m", "barchan.cli", *small_run("time.end=0.6"), "--quiet"]
     assert subprocess.run([*command, "--out", "whole"], env=python_environment).returncode in (0, 3)
     process = subprocess.Popen([*command, "--out", "killed"], env=python_environment)
     while process.poll() is None and not Path("killed/frames/frame_00004.h5").exists():
@@ -116,7 +110,10 @@ def test_a_real_run_killed_with_sigkill_and_resumed_has_the_bytes_of_an_uninterr
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL
     assert results.open("killed").frames >= 5
-    assert subprocess.run([*command, "--out", "killed", "--resume"], env=python_environment).returncode in (0, 3)
+    assert subprocess.run([*command, "--out", "killed", "--resume"], env=python_environment).returncode in (
+        0,
+        3,
+    )
     assert Path("killed/results.h5").read_bytes() == Path("whole/results.h5").read_bytes()
     with h5py.File("whole/results.h5") as file:
         assert len(file["frames"]) == 31

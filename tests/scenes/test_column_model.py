@@ -44,10 +44,12 @@ def test_the_initial_state_fills_the_column_exactly(scene: scenes.Scene) -> None
 
 
 def test_walls_are_those_of_the_scene() -> None:
-    faces = build_walls(scenes.load("collapse_3d").parameters).faces
+    walls = {"x_min": "stick", "y_min": "slip", "z_min": {"friction": 0.5}, "z_max": {"friction": 0.0}}
+    faces = build_walls(scenes.load("collapse_3d", walls=walls).parameters).faces
+    assert faces["x_min"] == Wall("stick")
+    assert faces["y_min"] == Wall("slip")
     assert faces["z_min"] == Wall("friction", 0.5)
     assert faces["z_max"] == Wall("friction", 0.0)
-    assert faces["y_min"] == Wall("slip")
     assert set(build_walls(scenes.load("collapse").parameters).faces) == {"x_min", "x_max", "z_min", "z_max"}
 
 

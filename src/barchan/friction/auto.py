@@ -61,7 +61,9 @@ def auto(
     """
     members = [_Member(aspg, 1.5, {"operator": operator})]
     if can_sweep(problem):
-        members.insert(0, _Member(gauss_seidel, 1.0, {"operator": operator, "min_iterations": min_iterations}))
+        members.insert(
+            0, _Member(gauss_seidel, 1.0, {"operator": operator, "min_iterations": min_iterations})
+        )
     budget = float(DEFAULT_WORK if max_iterations is None else max_iterations)
     start = r0
     while True:

@@ -16,8 +16,8 @@ from barchan.friction.aspg import aspg
 from barchan.friction.auto import auto
 from barchan.friction.gauss_seidel import gauss_seidel
 from barchan.friction.problem import Problem
-from barchan.linalg import one_blas_thread
 from barchan.friction.solution import Progress, Recorder, Solution, finish
+from barchan.linalg import one_blas_thread
 
 _METHODS: dict[str, Callable[..., None]] = {"auto": auto, "gauss_seidel": gauss_seidel, "aspg": aspg}
 SAFETY = 0.9

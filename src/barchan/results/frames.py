@@ -58,8 +58,7 @@ def with_true_dimension(group: Tree, dimension: int) -> Tree:
 
 
 def _stored_field(name: str, values: np.ndarray) -> np.ndarray:
-    """A grid field as stored: integers kept (cells as 32 bits), vectors with three components, reals in
-    single."""
+    """A grid field as stored: integers kept (cells as 32 bits), vectors with three components, reals in single."""
     if values.dtype.kind in "iu":
         return values.astype(np.int32) if name == "cells" else values.astype(np.int64)
     return _three_components(values) if name in VECTORS else values.astype(np.float32)

@@ -1,5 +1,4 @@
-"""Pictures of a finished run, drawn with matplotlib's Agg canvas: strip of frames, free surface, curves over
-time.
+"""Pictures of a finished run, drawn with matplotlib's Agg canvas: strip of frames, free surface, curves over time.
 
 Axes are in metres with equal aspect; every colour bar and curve names its unit.
 """

@@ -82,8 +82,7 @@ class Results:
         return self._source.table("steps")
 
     def particles(self, frame: int) -> dict[str, np.ndarray]:
-        """Particles of a frame (negative counts from the end): positions (P, d) m, velocities (P, d) m/s,
-        volumes (P,).
+        """Particles of a frame (negative counts from the end): positions (P, d) m, velocities (P, d) m/s, volumes (P,).
 
         Positions and velocities are stored in single precision. Raises InputError for a frame that does not
         exist.
@@ -184,8 +183,7 @@ class _FinishedSource:
 
 
 class _ImageSource:
-    """Sealed frame images: of a run in memory, or the frame files of an unfinished run (read without
-    locking)."""
+    """Sealed frame images: of a run in memory, or the frame files of an unfinished run (read without locking)."""
 
     def __init__(self, image: Callable[[int], bytes], count: Callable[[], int]) -> None:
         self._image = image

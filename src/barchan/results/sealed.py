@@ -53,8 +53,7 @@ def read_sealed(path: Path) -> Tree:
 
 
 def read_image(path: Path) -> bytes:
-    """The bytes of a sealed file. Raises InputError naming it unless they are exactly what `seal`
-    produced."""
+    """The bytes of a sealed file. Raises InputError naming it unless they are exactly what `seal` produced."""
     try:
         image = path.read_bytes()
     except OSError as error:
@@ -66,8 +65,7 @@ def read_image(path: Path) -> bytes:
 
 
 def write_tree(group: h5py.Group, tree: Mapping[str, Any]) -> None:
-    """Write nested dicts of arrays below an HDF5 group: no time stamps, large arrays shuffled and
-    deflated."""
+    """Write nested dicts of arrays below an HDF5 group: no time stamps, large arrays shuffled and deflated."""
     for name, value in tree.items():
         if isinstance(value, Mapping):
             write_tree(group.create_group(name), value)

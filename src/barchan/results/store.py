@@ -220,8 +220,7 @@ def _contents(folder: Path) -> set[Path]:
 
 
 def _require_same_scene(scene_path: Path, scene_toml: str) -> None:
-    """Raise InputError naming the first parameter in which the stored scene differs from the requested
-    one."""
+    """Raise InputError naming the first parameter in which the stored scene differs from the requested one."""
     stored = read_toml(scene_path)
     requested = tomllib.loads(scene_toml)
     difference = _first_difference(stored, requested)
@@ -258,8 +257,7 @@ def _first_difference(stored: Any, requested: Any, key: str = "") -> tuple[str, 
 
 
 def _lock(folder: Path) -> int | None:
-    """Lock the folder itself against a second run (the lock dies with the process); None where
-    unsupported."""
+    """Lock the folder itself against a second run (the lock dies with the process); None where unsupported."""
     try:
         import fcntl
     except ImportError:  # not a POSIX system

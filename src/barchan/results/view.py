@@ -68,8 +68,7 @@ def side_points(results: Results, frame: int) -> tuple[np.ndarray, np.ndarray, n
 
 
 def spread_frames(results: Results, count: int, until: float) -> list[int]:
-    """At most `count` frame numbers, evenly spread in time from the start to time `until` (s), plus the last
-    frame."""
+    """At most `count` frame numbers, evenly spread in time from the start to time `until` (s), plus the last frame."""
     end = float(results.times[-1])
     wanted = np.linspace(0.0, end, count) if until >= end else [*np.linspace(0.0, until, count - 1), end]
     return sorted({int(np.argmin(np.abs(results.times - time))) for time in wanted})

@@ -1,5 +1,4 @@
-"""The collapse of a granular column by the material point method (seed B 7.2.3, 7.3 and 7.5.1), as a
-`Model`."""
+"""The collapse of a granular column by the material point method (seed B 7.2.3, 7.3 and 7.5.1), as a `Model`."""
 
 from __future__ import annotations
 
@@ -59,8 +58,7 @@ class ColumnModel:
         return dict(state.arrays())
 
     def longest_step(self, state: State) -> float:
-        """The step of the scene, or less so that the fastest particle crosses at most `cfl` of the shortest
-        cell edge."""
+        """The step of the scene, or less so that the fastest particle crosses at most `cfl` of the shortest cell edge."""
         time = self._parameters.time
         speed = float(np.sqrt(np.max(np.sum(state.velocities**2, axis=1))))
         if not time.adaptive or speed == 0.0:
@@ -93,8 +91,7 @@ class ColumnModel:
         }
 
     def observables(self, state: State, record: StepRecord | None) -> dict[str, float]:
-        """Scalars of a frame (see `barchan.scenes.observables`); before the first step energies come from the
-        particles."""
+        """Scalars of a frame (see `barchan.scenes.observables`); before the first step energies come from the particles."""
         material, gravity = self._parameters.material, self._parameters.scene.gravity
         masses = material.density * state.volumes
         volume = float(np.sum(state.volumes))

@@ -1,5 +1,4 @@
-"""The end of a run: results.h5, XDMF, pictures, summary; then the work files go. Repeating any part of it is
-harmless.
+"""The end of a run: results.h5, XDMF, pictures, summary; then the work files go. Repeating any part of it is harmless.
 
 summary.json is written last, so a folder that has it is finished; everything before can be redone from the
 frames.
@@ -31,8 +30,7 @@ def is_finished(store: FolderStore) -> bool:
 def finish_folder(
     parameters: SceneParameters, scene_toml: str, store: FolderStore, clock: Clock, progress: Progress
 ) -> Results:
-    """Turn the frames of a completed run into its final files. Raises InputError for a damaged frame or a
-    full disk."""
+    """Turn the frames of a completed run into its final files. Raises InputError for a damaged frame or a full disk."""
     if not store.results_path.exists():
         progress.note("writing results.h5")
         assemble(store, parameters.frame_count + 1, scene_toml, store.results_path)
@@ -86,8 +84,7 @@ def draw_pictures(
 
 
 def _end_of_motion(results: Results) -> float:
-    """Time (s) after which the bulk of the front moves by less than 1 % of its whole way, at least a tenth of
-    the run."""
+    """Time (s) after which the bulk of the front moves by less than 1 % of its whole way, at least a tenth of the run."""
     front, times = results.observables["front_bulk"], results.times
     far = abs(front - front[-1]) > 0.01 * max(abs(front[-1] - front[0]), 1e-12)
     last = int(far.nonzero()[0][-1]) + 1 if far.any() else 0

@@ -1,5 +1,4 @@
-"""Find a scene by name or file and apply overrides: `load("collapse", friction=0.5)`, `--set
-material.friction=0.5`."""
+"""Find a scene by name or file and apply overrides: `load("collapse", friction=0.5)`, `--set material.friction=0.5`."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ def load_parameters(scene: str | Path, overrides: Mapping[str, Any]) -> ScenePar
 
 
 def read_tables(scene: str | Path) -> Tables:
-    """The tables of a preset or TOML file, not yet validated. Raises InputError when there is no such
-    scene."""
+    """The tables of a preset or TOML file, not yet validated. Raises InputError when there is no such scene."""
     names = preset_names()
     if str(scene) in names:
         text = (resources.files("barchan.scenes") / "presets" / f"{scene}.toml").read_text(encoding="utf-8")
@@ -66,8 +64,7 @@ def parse_setting(text: str) -> tuple[str, Any]:
 
 
 def apply_override(tables: Tables, key: str, value: Any) -> None:
-    """Put one override into the tables. Raises InputError for a key that is unknown or stands in several
-    tables."""
+    """Put one override into the tables. Raises InputError for a key that is unknown or stands in several tables."""
     if isinstance(value, Mapping) and "." not in key and "__" not in key:
         for inner, item in value.items():
             apply_override(tables, f"{key}.{inner}", item)

@@ -1,5 +1,4 @@
-"""What the runner needs from a flow: state in, state out, and how to look at a state. One class per kind of
-scene."""
+"""What the runner needs from a flow: state in, state out, and how to look at a state. One class per kind of scene."""
 
 from __future__ import annotations
 

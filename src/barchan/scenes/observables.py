@@ -66,8 +66,7 @@ def geometry_observables(parameters: SceneParameters, positions: Vector, volumes
 def summarise(
     parameters: SceneParameters, steps: Mapping[str, NDArray[Any]], observables: Mapping[str, Vector]
 ) -> dict[str, Any]:
-    """Figures of a finished run for summary.json, from its step records (steps,) and observables
-    (frames,)."""
+    """Figures of a finished run for summary.json, from its step records (steps,) and observables (frames,)."""
     final = {name: float(values[-1]) for name, values in observables.items()}
     return {
         "scene": parameters.scene.name,
@@ -111,8 +110,7 @@ def _rest(parameters: SceneParameters, steps: Mapping[str, NDArray[Any]]) -> dic
 
 
 def _energies(steps: Mapping[str, NDArray[Any]], observables: Mapping[str, Vector]) -> dict[str, float]:
-    """Initial and final energies (J; per metre of depth in 2D) and the largest rise of their sum in one
-    step."""
+    """Initial and final energies (J; per metre of depth in 2D) and the largest rise of their sum in one step."""
     initial = float(observables["kinetic_energy"][0] + observables["potential_energy"][0])
     total = np.concatenate([[initial], steps["kinetic_energy"] + steps["potential_energy"]])
     return {

@@ -165,8 +165,7 @@ class SceneParameters(Group):
 
 
 def check_geometry(parameters: SceneParameters) -> None:
-    """Raise InputError unless the tables fit together: dimensions, column inside the box, walls that
-    exist."""
+    """Raise InputError unless the tables fit together: dimensions, column inside the box, walls that exist."""
     box, column = parameters.box, parameters.column
     if len(box.cells) != len(box.size):
         raise InputError("box.cells", box.cells, f"{len(box.size)} numbers, as many as box.size has")

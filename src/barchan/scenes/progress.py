@@ -1,5 +1,4 @@
-"""What a person sees while a run goes on: a bar on a terminal, a line every tenth of the run elsewhere, or
-nothing.
+"""What a person sees while a run goes on: a bar on a terminal, a line every tenth of the run elsewhere, or nothing.
 
 Everything goes to standard error, so that standard output stays free for results.
 """

@@ -1,5 +1,4 @@
-"""The time loop of any scene: frame after frame into a store, with a checkpoint after each, resumable at any
-moment.
+"""The time loop of any scene: frame after frame into a store, with a checkpoint after each, resumable at any moment.
 
 Nothing but the state is carried from one frame to the next, so a run resumed from a checkpoint repeats the
 same numbers.
@@ -42,8 +41,7 @@ class Clock:
 def run_frames(
     model: Model[State], store: Store, frame_rate: float, frame_count: int, progress: Progress
 ) -> Clock:
-    """Advance `model` to frame `frame_count` (time frame_count / frame_rate), continuing from the store's
-    checkpoint.
+    """Advance `model` to frame `frame_count` (time frame_count / frame_rate), continuing from the store's checkpoint.
 
     Raises InputError when the checkpoint or a frame is damaged, or the store cannot be written.
     """
@@ -77,8 +75,7 @@ def clock_of(checkpoint: Mapping[str, Any] | None) -> Clock:
 
 
 def next_step(remaining: float, longest: float) -> float:
-    """Length (s) of the next of the fewest equal steps that cover `remaining` s, none longer than `longest`
-    s."""
+    """Length (s) of the next of the fewest equal steps that cover `remaining` s, none longer than `longest` s."""
     return remaining / max(1, math.ceil(remaining / longest * (1.0 - 1e-9)))
 
 
@@ -97,6 +94,8 @@ def _start(model: Model[State], store: Store) -> tuple[State, int, Clock]:
             "missing",
             f"there, for the checkpoint stands at frame {frame}",
         )
+    for index in range(frame + 1):
+        store.frame_image(index)  # a damaged frame is better found now than after the rest of the run
     return model.restore(checkpoint["state"]), frame, clock_of(checkpoint)
 
 

@@ -35,8 +35,7 @@ class Surface:
         return float(self.x[1] - self.x[0])
 
     def steepest_slope(self, thinnest: float) -> float:
-        """Largest angle (degrees) of straight lines fitted to five neighbouring points, all higher than
-        `thinnest` (m).
+        """Largest angle (degrees) of straight lines fitted to five neighbouring points, all higher than `thinnest` (m).
 
         The fit smooths grid noise; 0 when nowhere five neighbouring points are that high.
         """
@@ -50,8 +49,7 @@ class Surface:
         return float(np.degrees(np.arctan(slopes[thick].max()))) if thick.any() else 0.0
 
     def mean_slope(self) -> float:
-        """Angle (degrees) of the straight line fitted to the points between 5 % and 95 % of the greatest
-        height."""
+        """Angle (degrees) of the straight line fitted to the points between 5 % and 95 % of the greatest height."""
         greatest = float(self.height.max())
         face = (self.height > 0.05 * greatest) & (self.height < 0.95 * greatest)
         if face.sum() < 2:
@@ -62,8 +60,7 @@ class Surface:
 def free_surface(
     positions: Vector, volumes: Vector, size: list[float], cells: list[int], packed_volume_fraction: float
 ) -> Surface:
-    """Free surface of particles at `positions` (P, d) with `volumes` (P,) in a box of `size` (d,) m with
-    `cells` (d,)."""
+    """Free surface of particles at `positions` (P, d) with `volumes` (P,) in a box of `size` (d,) m with `cells` (d,)."""
     count = cells[0]
     spacing = size[0] / count
     place = np.clip(np.asarray(positions[:, 0], dtype=np.float64) / spacing, 0.0, count)

@@ -1,5 +1,4 @@
-"""Scene parameters as TOML text that a person can read, edit and run again: every key with its value and its
-meaning."""
+"""Scene parameters as TOML text that a person can read, edit and run again: every key with its value and its meaning."""
 
 from __future__ import annotations
 

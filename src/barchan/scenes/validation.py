@@ -1,5 +1,4 @@
-"""From untrusted tables to SceneParameters: every defect becomes one InputError naming field, value and
-allowed range."""
+"""From untrusted tables to SceneParameters: every defect becomes one InputError naming field, value and allowed range."""
 
 from __future__ import annotations
 

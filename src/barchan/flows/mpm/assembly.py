@@ -80,7 +80,9 @@ def compression_allowance(matter: GridMatter, material: Material, dt: float) -> 
     capacity = material.max_volume_fraction * matter.occupied_capacities
     room = capacity - matter.volumes
     allowance = np.zeros((len(room), tensor_block_size(d)))
-    allowance[:, 0] = np.where(room > material.packing_tolerance * capacity, np.sqrt(2.0 / d) * room / dt, 0.0)
+    allowance[:, 0] = np.where(
+        room > material.packing_tolerance * capacity, np.sqrt(2.0 / d) * room / dt, 0.0
+    )
     return allowance
 
 

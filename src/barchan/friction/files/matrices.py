@@ -88,8 +88,7 @@ def _read_blocks(reader: TokenReader, name: str, shape: tuple[int, int]) -> sp.c
 
 
 def _block_starts(reader: TokenReader, item: str, count: int, total: int) -> Integers:
-    """First row (or column) of each block and one past the last, (count + 1,), from their cumulative
-    sizes."""
+    """First row (or column) of each block and one past the last, (count + 1,), from their cumulative sizes."""
     starts = np.concatenate((np.zeros(1, dtype=np.int64), reader.integers(item, count)))
     if starts[-1] != total or np.any(np.diff(starts) <= 0):
         raise reader.wrong(item, f"ending at {starts[-1]}", f"increasing up to {total}")
@@ -97,8 +96,7 @@ def _block_starts(reader: TokenReader, item: str, count: int, total: int) -> Int
 
 
 def _read_printed(reader: TokenReader, name: str, shape: tuple[int, int]) -> sp.csr_array:
-    """An origin (1 triplets, 2 columns; absent from older files), a version line, a line of sizes, the
-    entries.
+    """An origin (1 triplets, 2 columns; absent from older files), a version line, a line of sizes, the entries.
 
     Triplets: "triplet: m-by-n, nzmax: a nnz: b", then b times "row column : value". Columns: "m-by-n, nzmax:
     a nnz: b, 1-norm: c", then for each column j "col j : locations p to q" and its entries "row : value".
