@@ -15,7 +15,7 @@ import barchan as bc
 
 HEIGHT = 0.2
 CELLS_IN_HEIGHT = 20
-RATE_LAW = {"friction": 0.32, "friction_increment": 0.28, "inertial_reference": 0.4, "grain_diameter": 0.0005}
+RATE_LAW = {"friction": 0.32, "friction_increment": 0.28, "inertial_reference": 0.4, "grain_diameter": 0.002}
 
 
 def column_scene(

@@ -56,24 +56,29 @@ def _arrow_solve(s, z, x):
 
 @njit(cache=True, error_model="numpy")
 def _function(s, x, y, z, f):
-    """f = (x o x + y o y)^(1/2) - x - y and its square root part z; returns the smaller eigenvalue of x o x + y o y."""
+    """f = z - x - y with z = (x o x + y o y)^(1/2); returns the smaller eigenvalue of x o x + y o y, to full precision.
+
+    det z = sqrt(lambda_1 lambda_2) comes from a sum of squares; the seed's difference for lambda_1 loses half the digits.
+    """
     square = 0.0
     length = 0.0
+    lorentz = x[0] * x[0] + y[0] * y[0]
+    cross = 0.0
     for j in range(s):
         square += x[j] * x[j] + y[j] * y[j]
     for j in range(1, s):
         z[j] = x[0] * x[j] + y[0] * y[j]
         length += z[j] * z[j]
-    length = 2.0 * math.sqrt(length)
-    small = max(square - length, 0.0)
-    low = math.sqrt(small)
-    high = math.sqrt(square + length)
+        lorentz -= x[j] * x[j] + y[j] * y[j]
+        cross += (x[0] * y[j] - y[0] * x[j]) ** 2
+    high = math.sqrt(square + 2.0 * math.sqrt(length))
+    low = math.sqrt(lorentz * lorentz + 4.0 * cross) / high if high > 0.0 else 0.0
     z[0] = 0.5 * (low + high)
     for j in range(1, s):
-        z[j] = (high - low) * z[j] / length if length > 0.0 else 0.0
+        z[j] = z[j] / z[0] if z[0] > 0.0 else 0.0
     for j in range(s):
         f[j] = z[j] - x[j] - y[j]
-    return small
+    return low * low
 
 
 @njit(cache=True, error_model="numpy")
