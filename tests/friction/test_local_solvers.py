@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from barchan.cones import Coulomb, DruckerPrager, Law, SecondOrderCone
@@ -54,6 +54,7 @@ def test_secular_solves_partial_dilatancy(seed: int, s: int, mu: float, fraction
     assert violation(law, W, r, u) < 1e-8
 
 
+@example(10145619, 3, 0.0, 1.0, 1.0)
 @given(seeds, st.sampled_from([3, 6]), st.floats(0.0, 1.0), st.floats(0.01, 2.0), st.floats(0.0, 1.0))
 def test_secular_solves_associated_yield_stress(
     seed: int, s: int, mu: float, shear: float, tensile: float

@@ -229,16 +229,23 @@ def solve_secular(s, local, b, mu, sigma, tau, zeta, a0, r, c, t):
     else:
         radius, length, normal = _evaluate(0.0, s, local, c, normal_start, mu, sigma, 0.0, t)
         if normal < 0.0 or length > radius:
-            if zeta > 0.0:
-                a, normal = _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, t)
-            elif normal_start > 0.0:
-                a, normal = _slide(s, local, c, normal_start, mu, sigma, a0, t)
-            else:
-                normal = -math.inf
-    if sigma > 0.0 and not normal >= 0.0:
-        # Only a truncated cone gets here: no normal force, a tangential one of at most the shear yield.
-        normal = 0.0
-        a = _slide_detached(s, local, c, b_normal, sigma, t)
+            detached = False
+            if sigma > 0.0 and zeta == 0.0:
+                # A truncated cone: without normal force the block may still carry a tangential one.
+                a = _slide_detached(s, local, c, b_normal, sigma, t)
+                rate = b_normal
+                for j in range(s - 1):
+                    rate += local[0] * local[1 + j] * t[j]
+                detached = rate >= 0.0
+                normal = 0.0
+            if not detached:
+                if zeta > 0.0:
+                    a, normal = _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, t)
+                else:
+                    a, normal = _slide(s, local, c, normal_start, mu, sigma, a0, t)
+                if sigma > 0.0 and not normal >= 0.0:
+                    normal = 0.0
+                    a = _slide_detached(s, local, c, b_normal, sigma, t)
     r[0] = normal - tau
     for k in range(s - 1):
         value = 0.0
