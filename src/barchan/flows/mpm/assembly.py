@@ -69,20 +69,17 @@ def with_wall_rows(strain: sp.bsr_array, contacts: WallContacts, free: NDArray[n
 
 
 def compression_allowance(matter: GridMatter, material: Material, dt: float) -> NDArray[np.float64]:
-    """k (n, s): e_N sqrt(2/d) max(phi_max c_i - sum_p V_p w_i(x_p), 0) / dt [m^d/s] (seed B, 7.1.4 and 7.3.1).
+    """k (n, s): e_N sqrt(2/d) max((1 - e) phi_max c_i - sum_p V_p w_i(x_p), 0) / dt [m^d/s] (seed B, 7.1.4 and 7.3.1).
 
     From k(tau) = integral of (beta / d) Tr tau and Tr chi(e_N) = sqrt(2 d). The clamp at zero keeps the step dissipative:
-    excess volume is not pushed out again. c_i is the room occupied by matter (`GridMatter.occupied_capacities`) and nodes
-    within `material.packing_tolerance` of phi_max count as packed: both make k smaller, never negative, so the argument of
-    seed B 7.1.2 that contacts dissipate holds as before.
+    excess volume is not pushed out again. c_i is the room occupied by matter (`GridMatter.occupied_capacities`) and e is
+    `material.packing_tolerance`: both make k smaller, never negative, so the argument of seed B 7.1.2 that contacts
+    dissipate holds as before. k is continuous in the volumes: support is not lost at a stroke.
     """
     d = matter.grid.dimension
-    capacity = material.max_volume_fraction * matter.occupied_capacities
-    room = capacity - matter.volumes
-    allowance = np.zeros((len(room), tensor_block_size(d)))
-    allowance[:, 0] = np.where(
-        room > material.packing_tolerance * capacity, np.sqrt(2.0 / d) * room / dt, 0.0
-    )
+    packed = (1.0 - material.packing_tolerance) * material.max_volume_fraction * matter.occupied_capacities
+    allowance = np.zeros((len(packed), tensor_block_size(d)))
+    allowance[:, 0] = np.sqrt(2.0 / d) * np.maximum(packed - matter.volumes, 0.0) / dt
     return allowance
 
 

@@ -30,8 +30,8 @@ class Material:
     max_volume_fraction : phi_max in (0, 1].
     static_excess, static_shear_rate : loaded matter that shears slower than `static_shear_rate` [1/s] has its friction
         multiplied by 1 + `static_excess`: what has stopped takes a little more to start again. 0 (none) by default.
-    packing_tolerance : matter within this share of phi_max counts as packed and bears load, in [0, 1); 0 is the seed's
-        sharp criterion, under which contacts open and close at every step where matter rests.
+    packing_tolerance : matter within this share of phi_max is packed and bears load, in [0, 1); with 0, the seed's sharp
+        criterion, contacts open and close at every step where matter rests.
 
     Raises
     ------
