@@ -6,6 +6,7 @@ Seed B 2.3.1 (reduced formulation, eliminated bilateral constraints) and 3.4.3 (
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -135,7 +136,16 @@ def build_operator(problem: Problem, kind: str = "auto") -> Delassus:
     return operator
 
 
+def _of_variant(problem: Problem, kind: str) -> Delassus:
+    """The origin's operator with the variant's b."""
+    operator = copy(build_operator(problem.origin, kind))
+    object.__setattr__(operator, "b", operator.b + problem.drift.reshape(problem.n, problem.s))
+    return operator
+
+
 def _build(problem: Problem, kind: str) -> Delassus:
+    if problem.origin is not problem:
+        return _of_variant(problem, kind)
     shape = (problem.n, problem.s)
     if problem.is_reduced:
         return StoredDelassus(block_rows(problem.W, problem.s, problem.s), problem.b.reshape(shape))

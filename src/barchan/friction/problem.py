@@ -6,6 +6,7 @@ M v = f + H^T r + C^T l, C v = k, u = H v + w, (u_i, r_i) in law_i (seed B Eq. 2
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -81,6 +82,35 @@ class Problem:
     ) -> Problem:
         """Problem u = W r + b (seed B Eq. 2.19)."""
         return cls(W=W, b=b, law=law, block_size=block_size, reference_force=reference_force)
+
+    def variant(self, law: Law, drift: np.ndarray | None = None) -> Problem:
+        """The same operator under another law, with `drift` (n s,) added to w or b; what is factorised stays so.
+
+        Fixed points solve a sequence of such problems (seed B 2.3.2). `law` must fit the n blocks.
+        """
+        assert self.rho is not None  # made once, here, and shared by every variant
+        other = copy(self)
+        for name in ("parameters", "_prepared"):
+            other.__dict__.pop(name, None)
+        store = object.__setattr__
+        store(other, "law", law)
+        law.parameters(self.n)
+        added = np.zeros(self.n * self.s) if drift is None else np.asarray(drift, dtype=float).reshape(-1)
+        name = "b" if self.is_reduced else "w"
+        store(other, name, getattr(self, name) + added)
+        store(other, "origin", self.origin)
+        store(other, "drift", self.drift + added)
+        return other
+
+    @cached_property
+    def origin(self) -> Problem:
+        """The problem that this one is a variant of; itself when it is none."""
+        return self
+
+    @cached_property
+    def drift(self) -> np.ndarray:
+        """(n s,) what a variant adds to w or b of its origin."""
+        return np.zeros(self.n * self.s)
 
     def __post_init__(self) -> None:
         store = object.__setattr__
@@ -179,7 +209,10 @@ class Problem:
         return {}
 
     def prepared(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """What a solver sets up once for this problem (operators, decompositions, orders), made when first asked for."""
+        """What a solver sets up once for this problem, made when first asked for.
+
+        What does not depend on law, w and b (decompositions, orders, factors) is better kept by `problem.origin`.
+        """
         if key not in self._prepared:
             self._prepared[key] = make()
         return self._prepared[key]

@@ -12,20 +12,17 @@ from typing import Any
 import numpy as np
 
 from barchan.errors import InputError
-from barchan.friction.aspg import aspg
-from barchan.friction.auto import auto
-from barchan.friction.gauss_seidel import gauss_seidel
+from barchan.friction.methods import METHODS
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Progress, Recorder, Solution, finish
 from barchan.linalg import one_blas_thread
 
-_METHODS: dict[str, Callable[..., None]] = {"auto": auto, "gauss_seidel": gauss_seidel, "aspg": aspg}
 SAFETY = 0.9
 
 
 def methods() -> tuple[str, ...]:
     """Names accepted by `solve(method=...)`."""
-    return tuple(_METHODS)
+    return tuple(METHODS)
 
 
 def solve(
@@ -65,7 +62,7 @@ def solve(
         if problem.n == 0:
             recorder.record(0, 0.0, start)
         else:
-            _METHODS[method](problem, recorder, start, max_iterations=max_iterations, **options)
+            METHODS[method].run(problem, recorder, start, max_iterations=max_iterations, **options)
         return finish(problem, recorder, method, tol)
 
 
@@ -81,8 +78,8 @@ def _start(problem: Problem, r0: np.ndarray | None) -> np.ndarray:
 
 
 def _check_options(method: str, options: dict[str, Any]) -> None:
-    function = _METHODS[method]
-    allowed = function.__code__.co_varnames[4 : function.__code__.co_argcount]
+    allowed = METHODS[method].options
     for name in options:
         if name not in allowed:
-            raise InputError(f"option of {method}", name, "one of " + ", ".join(allowed))
+            known = "one of " + ", ".join(allowed) if allowed else "absent: this method has no options"
+            raise InputError(f"option of {method}", name, known)

@@ -13,10 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from barchan.errors import InputError
-from barchan.friction._kernels import explicit_sweeps, law_residual_squared, matrix_free_sweeps, sweep_scratch
+from barchan.friction._kernels import explicit_sweeps, matrix_free_sweeps, sweep_scratch
 from barchan.friction.local import local_code, prepare
 from barchan.friction.operators import LARGEST_DENSE_DELASSUS, LumpedDelassus, StoredDelassus, build_operator
 from barchan.friction.problem import Problem
+from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
 from barchan.linalg import BlockRows, Schedule, coloured_schedule, natural_schedule
 
@@ -104,9 +105,13 @@ class _Sweeper:
         self.b = np.ascontiguousarray(delassus.b)
         self.laws = problem.parameters
         code = local_code(local_solver, problem.s, self.laws)
-        self.diagonal = proximal_blocks(delassus.diagonal_blocks)
-        self.local = prepare(self.diagonal)
-        self.schedule = _schedule(delassus, problem.n) if parallel else natural_schedule(problem.n)
+        origin = problem.origin
+        self.diagonal, self.local = origin.prepared("blocks", lambda: _decompose(delassus.diagonal_blocks))
+        form = type(delassus).__name__
+        self.schedule = origin.prepared(
+            ("schedule", form, parallel),
+            lambda: _schedule(delassus, problem.n) if parallel else natural_schedule(problem.n),
+        )
         self.relaxation = 1.0
         self.scratch = sweep_scratch(self.schedule.widest, problem.s)
         self.kernel: Callable[..., Any]
@@ -133,11 +138,7 @@ class _Sweeper:
             u = self.delassus.gather(self.z) + self.b
         else:
             u = self.delassus.apply(self.r) + self.b
-        violation, square = law_residual_squared(self.r, u, self.laws, self.problem.rho)
-        size = max(np.sqrt(square), self.problem.reference_force)
-        if violation == 0.0:
-            return 0.0, size
-        return float(np.sqrt(violation) / size) if size > 0.0 else np.inf, size
+        return law_residual(self.problem, self.r, u)
 
     def run(self, sweeps: int, start: int, calm: float) -> None:
         """`sweeps` more sweeps; the parity of `start` fixes the direction of the first."""
@@ -158,6 +159,12 @@ class _Sweeper:
             self.kernel(*common, self.state, self.z, self.scratch)
         else:
             self.kernel(*common, self.state, self.scratch)
+
+
+def _decompose(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Regular diagonal blocks (n, s, s), and their decomposition for the secular local solver."""
+    regular = proximal_blocks(blocks)
+    return regular, prepare(regular)
 
 
 def proximal_blocks(blocks: np.ndarray) -> np.ndarray:

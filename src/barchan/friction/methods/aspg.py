@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from barchan.friction._kernels import law_residual_squared, project_blocks
+from barchan.friction._kernels import project_blocks
 from barchan.friction.operators import Delassus, build_operator
 from barchan.friction.problem import Problem
+from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
 
 DEFAULT_ITERATIONS = 20_000
@@ -101,12 +102,7 @@ class _Scaled:
 
     def residual(self, r: np.ndarray) -> float:
         """Law residual of forces r (n, s), in the certificate's definition."""
-        u = self.delassus.apply(r) + self.delassus.b
-        violation, square = law_residual_squared(r, u, self.problem.parameters, self.problem.rho)
-        size = max(math.sqrt(square), self.problem.reference_force)
-        if violation == 0.0:
-            return 0.0
-        return math.sqrt(violation) / size if size > 0.0 else math.inf
+        return law_residual(self.problem, r, self.delassus.apply(r) + self.delassus.b)[0]
 
     def largest_eigenvalue(self) -> float:
         """Power-iteration estimate of the largest eigenvalue of the scaled W (deterministic start)."""

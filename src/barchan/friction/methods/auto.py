@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from barchan.friction.aspg import aspg
-from barchan.friction.gauss_seidel import can_sweep, gauss_seidel
+from barchan.friction.methods.aspg import aspg
+from barchan.friction.methods.gauss_seidel import can_sweep, gauss_seidel
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Recorder
 
