@@ -96,7 +96,7 @@ def main() -> None:
             "s = 3, stored W",
             pile(choice.contacts, rng),
             "explicit",
-            ("enumerative", "fischer-burmeister", "hybrid"),
+            ("enumerative", "fischer-burmeister", "fischer-burmeister+enumerative"),
         ),
         ("s = 6, factored, 27 nodes", flow(choice.edge, rng), "matrix-free", ("fischer-burmeister",)),
     )

@@ -47,12 +47,3 @@ def test_the_made_up_problems_have_the_structure_they_claim(script: Callable[[st
     assert (flow.n, flow.s, flow.velocity_block) == (27, 6, 3)
     assert np.all(np.diff(flow.h_rows.indptr) == 27)
     assert friction.solve(pile, tol=1e-6).converged
-
-
-def test_a_full_problem_and_its_reduced_form_have_the_same_solution(
-    script: Callable[[str], ModuleType],
-) -> None:
-    module = script("bench_fc")
-    flow = script("bench_local_block").flow(3, np.random.default_rng(0))
-    solution = friction.solve(flow, tol=1e-8)
-    assert friction.certify(module.reduced(flow), solution.r).residual <= 1e-7

@@ -26,6 +26,7 @@ ROOMS = (
     "bodies",
     "flows",
     "results",
+    "bench",
     "scenes",
     "cli",
 )

@@ -17,16 +17,17 @@ from typing import TYPE_CHECKING
 from barchan._stale import drop_stale_kernels
 
 if TYPE_CHECKING:
-    from barchan import cones, errors, flows, friction, linalg, results, scenes, spaces, storage
+    from barchan import bench, cones, errors, flows, friction, linalg, results, scenes, spaces, storage
 
 __version__ = "0.1.0"
 
-_ROOMS = ("errors", "storage", "cones", "linalg", "friction", "spaces", "flows", "results", "scenes")
+_ROOMS = ("errors", "storage", "cones", "linalg", "friction", "spaces", "flows", "results", "scenes", "bench")
 
 drop_stale_kernels(Path(__file__).parent)
 
 __all__ = [
     "__version__",
+    "bench",
     "cones",
     "errors",
     "flows",

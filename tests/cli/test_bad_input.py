@@ -180,7 +180,7 @@ def test_bad_problem_files(problem_file: str, complaint: Complaint) -> None:
     for item, change, message in (
         ("fclib_local/vectors/mu", lambda mu: -mu, "mu[0] = -0.5: must be >= 0"),
         ("fclib_local/vectors/mu", lambda mu: mu * np.nan, "mu[0] = nan"),
-        ("fclib_local/vectors/q", lambda q: q[:-1], "shape of b"),
+        ("fclib_local/vectors/q", lambda q: q[:-1], "at most 11, the length of the longest vector"),
         ("fclib_local/W/x", lambda x: x * (1.0 + 0.5 * (np.arange(len(x)) % 12 > 5)), "must be symmetric"),
         ("fclib_local/W/x", lambda x: -x, "positive semi-definite"),
     ):

@@ -76,7 +76,7 @@ def test_a_pile_carries_its_weight(method: str) -> None:
 
 def test_every_local_solver_serves_gauss_seidel() -> None:
     problem = random_problem(2, 25, 3, bodies=40)
-    for name in ("secular", "enumerative", "fischer-burmeister", "hybrid"):
+    for name in ("secular", "enumerative", "fischer-burmeister", "fischer-burmeister+enumerative"):
         assert solve(problem, "gauss_seidel", tol=1e-7, local_solver=name).converged, name
 
 
@@ -141,9 +141,9 @@ def test_callback_may_stop_the_solve() -> None:
     solution = solve(
         random_problem(13, 40, 3, bodies=12),
         tol=1e-12,
-        callback=lambda p, r: seen.append(p) or len(seen) == 3,
+        callback=lambda p, r: seen.append(p) or True,
     )
-    assert len(seen) == 3 and not solution.converged
+    assert len(seen) == 1 and not solution.converged
 
 
 def test_no_contact_is_solved_trivially() -> None:

@@ -1,4 +1,4 @@
-"""The command line: `barchan run`, `barchan scenes`, `barchan solve`.
+"""The command line: `barchan run`, `barchan scenes`, `barchan solve`, `barchan bench`.
 
 Exit codes: 0 done, 2 bad input (one line on standard error, no traceback), 3 not converged, 130 interrupted.
 Heavy imports wait until a command needs them, so that `barchan --help` answers at once.
@@ -24,6 +24,9 @@ app = typer.Typer(
     add_completion=False,
     help="Granular matter and frictional contact, solved as one discrete problem.",
 )
+
+bench = typer.Typer(help="Measure: compare solvers over many problems.")
+app.add_typer(bench, name="bench")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -72,11 +75,42 @@ def solve(
     file: Annotated[Path, typer.Argument(help="A friction problem: FCLIB .hdf5 or .dat.")],
     method: Annotated[str, typer.Option(help="Solver name.")] = "auto",
     tol: Annotated[float, typer.Option(help="Largest certificate accepted.")] = 1e-6,
+    existence: Annotated[
+        bool, typer.Option("--existence", help="First ask whether there is a solution at all.")
+    ] = False,
 ) -> None:
     """Solve a friction problem from a file and show its certificate."""
     from barchan.cli.solve import solve_command
 
-    raise typer.Exit(solve_command(file, method, tol))
+    raise typer.Exit(solve_command(file, method, tol, existence))
+
+
+@bench.command("solvers")
+def bench_solvers(
+    folder: Annotated[
+        Path | None, typer.Argument(help="Folder of problem files; without it a family made by barchan.")
+    ] = None,
+    methods: Annotated[
+        str, typer.Option(help="Methods, separated by commas, or 'all'.")
+    ] = "auto,gauss_seidel,aspg",
+    tol: Annotated[float, typer.Option(help="Certificate to reach.")] = 1e-6,
+    time_limit: Annotated[float, typer.Option(help="Seconds for one solve.")] = 10.0,
+    repeats: Annotated[int, typer.Option(help="Solves of which the shortest counts.")] = 3,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results; default: a new runs/bench-solvers-<n>.")
+    ] = None,
+    family: Annotated[str, typer.Option(help="Family made by barchan, when there is no folder.")] = "small",
+    convexified: Annotated[
+        bool, typer.Option("--convexified", help="Compare on the associated laws; no peers then.")
+    ] = False,
+    no_peers: Annotated[bool, typer.Option("--no-peers", help="Leave the solvers of Siconos out.")] = False,
+) -> None:
+    """Compare solvers: tables, a performance profile, residual against time."""
+    from barchan.bench import Plan
+    from barchan.cli.bench import bench_solvers as command
+
+    plan = Plan(tolerance=tol, time_limit=time_limit, repeats=repeats, peers=not no_peers)
+    raise typer.Exit(command(folder, family, methods, plan, out, convexified))
 
 
 def _complain(message: str, code: int) -> int:

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from barchan.cones import complementarity
+from barchan.cones import complementarity, derivatives
 from barchan.cones._checks import FloatArray, as_numbers, as_step_length
 from barchan.cones.complementarity import Coefficients
 from barchan.errors import InputError
@@ -120,6 +120,20 @@ class Law(ABC):
         """
         velocities, forces, steps, shape = self._pair(u, r, rho, block_size)
         return complementarity.alart_curnier(velocities, forces, steps, self._coefficients()).reshape(shape)
+
+    def natural_map_jacobian(
+        self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Generalised Jacobian (J_u, J_r), each (n, s, s), of `natural_map`. Source: seed B, 3.1.2."""
+        velocities, forces, steps, _ = self._pair(u, r, rho, block_size)
+        return derivatives.natural_map_jacobian(velocities, forces, steps, self._coefficients())
+
+    def alart_curnier_jacobian(
+        self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Generalised Jacobian (J_u, J_r), each (n, s, s), of `alart_curnier`. Source: seed B, 3.1.2."""
+        velocities, forces, steps, _ = self._pair(u, r, rho, block_size)
+        return derivatives.alart_curnier_jacobian(velocities, forces, steps, self._coefficients())
 
     def fischer_burmeister(
         self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None = None

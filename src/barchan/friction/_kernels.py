@@ -1,4 +1,4 @@
-"""Gauss-Seidel sweeps over blocks, with W stored or factored as G G^T, G = H M^-1/2 (seed B Algorithm 4.1).
+"""Gauss-Seidel and Jacobi sweeps over blocks, with W stored or factored as G G^T, G = H M^-1/2 (seed B 3.4.1, Algorithm 4.1).
 
 One factory per block size. Blocks are swept in groups; groups of one colour share no unknown and run in parallel, so
 that the result does not depend on the number of threads. Cost of a sweep: linear in the stored entries.
@@ -8,143 +8,152 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit, prange
 
 from barchan.cones._kernels import natural_map_residual_squared, project_block
-from barchan.friction.local._dispatch import solve_with_newton
+from barchan.friction.local._dispatch import (
+    FAILED,
+    LOCAL_TOLERANCE,
+    SECULAR,
+    USED_FAILSAFE,
+    local_error,
+    solve_certified,
+)
 from barchan.friction.local._secular import solve_secular
 
 FULL_SWEEP_EVERY = 11
+Kernel: TypeAlias = Callable[..., None]
+
+
+@njit(cache=True, error_model="numpy")
+def _gather_stored(S, i, w, r, rhs):
+    """rhs += row i of W times r."""
+    indptr, indices, data = w
+    for entry in range(indptr[i], indptr[i + 1]):
+        j = indices[entry]
+        for k in range(S):
+            total = 0.0
+            for m in range(S):
+                total += data[entry, k, m] * r[j, m]
+            rhs[k] += total
+
+
+@njit(inline="always")
+def _gather_factored(S, Q, i, g, z, rhs):
+    """rhs += row i of G times z."""
+    indptr, indices, data = g
+    for entry in range(indptr[i], indptr[i + 1]):
+        base = indices[entry] * Q
+        for c in range(Q):
+            value = z[base + c]
+            for k in range(S):
+                rhs[k] += data[entry, c, k] * value
+
+
+@njit(inline="always")
+def _spread_factored(S, Q, i, g, change, z):
+    """z += column i of G^T times change."""
+    indptr, indices, data = g
+    for entry in range(indptr[i], indptr[i + 1]):
+        base = indices[entry] * Q
+        for c in range(Q):
+            total = 0.0
+            for k in range(S):
+                total += data[entry, c, k] * change[k]
+            z[base + c] += total
+
+
+@njit(cache=True, error_model="numpy")
+def _count(S, code, diagonal, rhs, law, new, status, row, counts):
+    """Add a block solve to `counts` (solves, failures, fail-safe calls); the secular solver is checked here only."""
+    counts[0] += 1
+    if code == SECULAR and not local_error(S, diagonal, rhs, law, new, row) <= LOCAL_TOLERANCE:
+        status = FAILED
+    counts[1] += status & FAILED
+    counts[2] += status // USED_FAILSAFE
+
+
+@njit(inline="always")
+def _right_hand_side(S, Q, i, matrix, diagonal, b, r, seen_r, seen_z, rhs, new):
+    """rhs = b_i + sum of W_ij r_j over the other blocks; new = r_i."""
+    for k in range(S):
+        rhs[k] = b[i, k]
+        for m in range(S):
+            rhs[k] -= diagonal[i, k, m] * r[i, m]
+        new[k] = r[i, k]
+    if Q == 0:
+        _gather_stored(S, i, matrix, seen_r, rhs)
+    else:
+        _gather_factored(S, Q, i, matrix, seen_z, rhs)
+
+
+@njit(cache=True, error_model="numpy")
+def _relax(S, step, old, law, new):
+    """new <- projection of old + step (new - old) on the admissible set."""
+    for k in range(S):
+        new[k] = old[k] + step * (new[k] - old[k])
+    project_block(new, law[0], law[1], law[2], new)
 
 
 @cache
-def explicit_sweeps(S: int, LOCAL: int, PARALLEL: bool) -> Callable[..., None]:
-    """Kernel doing `sweeps` Gauss-Seidel sweeps on u = W r + b with W as block rows (S x S blocks)."""
+def block_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool, JACOBI: bool, COUNT: bool) -> Kernel:
+    """Kernel doing `sweeps` splitting sweeps on u = W r + b.
 
-    @njit(cache=True, error_model="numpy", parallel=PARALLEL)
-    def kernel(sweeps, start, schedule, w, diagonal, b, local, laws, calm, relaxation, state, scratch):
+    Q = 0: W is stored as block rows (S x S). Q > 0: W = G G^T with G as block rows (stored Q x S) and z = G^T r kept.
+    JACOBI: blocks see the forces before the sweep (seed B 3.4.1). COUNT: local solves and failures are counted.
+    """
+    fast = {"contract", "reassoc"} if Q else False  # regroups the long sums of the factored form
+
+    @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath=fast)
+    def kernel(sweeps, start, turning, schedule, system, calm, relaxation, state, counts, scratch):
         colour_ptr, group_ptr, order = schedule
-        indptr, indices, data = w
-        r, multiplier, sleep = state
-        colours = len(colour_ptr) - 1
+        matrix, diagonal, b, local, laws = system
+        r, z, old_r, old_z, multiplier, sleep = state
+        seen_r, seen_z = (old_r, old_z) if JACOBI else (r, z)
         for sweep in range(start, start + sweeps):
-            backward = sweep % 2 == 1
+            backward = turning and sweep % 2 == 1
             # Calm blocks are noted in full sweeps only: next to sleeping neighbours every block looks calm.
             full = sweep % FULL_SWEEP_EVERY == 0
-            for colour_index in range(colours):
-                colour = colours - 1 - colour_index if backward else colour_index
-                first = colour_ptr[colour]
-                for group in prange(first, colour_ptr[colour + 1]):
-                    slot = group - first if PARALLEL else 0
+            if JACOBI:
+                old_r[:], old_z[:] = r, z
+            for place in range(len(colour_ptr) - 1):
+                colour = len(colour_ptr) - 2 - place if backward else place
+                for group in prange(colour_ptr[colour], colour_ptr[colour + 1]):
+                    slot = group - colour_ptr[colour] if PARALLEL else 0
                     rhs, new = scratch[0][slot, :S], scratch[1][slot, :S]
                     rows, matrices = scratch[2][slot], scratch[3][slot]
                     length = group_ptr[group + 1] - group_ptr[group]
                     for position in range(length):
-                        place = length - 1 - position if backward else position
-                        i = order[group_ptr[group] + place]
+                        i = order[group_ptr[group] + (length - 1 - position if backward else position)]
                         if sleep[i] and not full:
                             continue
-                        for k in range(S):
-                            rhs[k] = b[i, k]
-                        for entry in range(indptr[i], indptr[i + 1]):
-                            j = indices[entry]
-                            for k in range(S):
-                                total = 0.0
-                                for m in range(S):
-                                    total += data[entry, k, m] * r[j, m]
-                                rhs[k] += total
-                        for k in range(S):
-                            for m in range(S):
-                                rhs[k] -= diagonal[i, k, m] * r[i, m]
-                            new[k] = r[i, k]
-                        if LOCAL == 0:
+                        _right_hand_side(S, Q, i, matrix, diagonal, b, r, seen_r, seen_z, rhs, new)
+                        status = 0
+                        if LOCAL == SECULAR:
+                            mu, sigma, tau, zeta = laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3]
                             multiplier[i] = solve_secular(
-                                S, local[i], rhs, laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3], multiplier[i],
-                                new, rows[0], rows[1],
-                            )  # fmt: skip
-                        elif not solve_with_newton(S, LOCAL, diagonal[i], rhs, laws[i], new, rows, matrices):
-                            for k in range(S):
-                                new[k] = 0.5 * (new[k] + r[i, k])
-                        if relaxation != 1.0:
-                            for k in range(S):
-                                new[k] = r[i, k] + relaxation * (new[k] - r[i, k])
-                            project_block(new, laws[i, 0], laws[i, 1], laws[i, 2], new)
-                        change = 0.0
-                        for k in range(S):
-                            change += (new[k] - r[i, k]) ** 2
-                            r[i, k] = new[k]
-                        if full:
-                            sleep[i] = change <= calm
-
-    return kernel
-
-
-@cache
-def matrix_free_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool) -> Callable[..., None]:
-    """Kernel doing `sweeps` Gauss-Seidel sweeps on u = G z + b, z = G^T r, with G as block rows (blocks stored Q x S)."""
-
-    @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath={"contract", "reassoc"})
-    def kernel(sweeps, start, schedule, g, diagonal, b, local, laws, calm, relaxation, state, z, scratch):
-        colour_ptr, group_ptr, order = schedule
-        indptr, indices, data = g
-        r, multiplier, sleep = state
-        colours = len(colour_ptr) - 1
-        for sweep in range(start, start + sweeps):
-            backward = sweep % 2 == 1
-            # Calm blocks are noted in full sweeps only: next to sleeping neighbours every block looks calm.
-            full = sweep % FULL_SWEEP_EVERY == 0
-            for colour_index in range(colours):
-                colour = colours - 1 - colour_index if backward else colour_index
-                first = colour_ptr[colour]
-                for group in prange(first, colour_ptr[colour + 1]):
-                    slot = group - first if PARALLEL else 0
-                    rhs, new = scratch[0][slot, :S], scratch[1][slot, :S]
-                    rows, matrices = scratch[2][slot], scratch[3][slot]
-                    length = group_ptr[group + 1] - group_ptr[group]
-                    for position in range(length):
-                        place = length - 1 - position if backward else position
-                        i = order[group_ptr[group] + place]
-                        if sleep[i] and not full:
-                            continue
-                        for k in range(S):
-                            rhs[k] = b[i, k]
-                            new[k] = r[i, k]
-                        for k in range(S):
-                            for m in range(S):
-                                rhs[k] -= diagonal[i, k, m] * r[i, m]
-                        for entry in range(indptr[i], indptr[i + 1]):
-                            base = indices[entry] * Q
-                            for c in range(Q):
-                                value = z[base + c]
-                                for k in range(S):
-                                    rhs[k] += data[entry, c, k] * value
-                        if LOCAL == 0:
-                            multiplier[i] = solve_secular(
-                                S, local[i], rhs, laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3], multiplier[i],
-                                new, rows[0], rows[1],
-                            )  # fmt: skip
-                        elif not solve_with_newton(S, LOCAL, diagonal[i], rhs, laws[i], new, rows, matrices):
-                            for k in range(S):
-                                new[k] = 0.5 * (new[k] + r[i, k])
-                        if relaxation != 1.0:
-                            for k in range(S):
-                                new[k] = r[i, k] + relaxation * (new[k] - r[i, k])
-                            project_block(new, laws[i, 0], laws[i, 1], laws[i, 2], new)
-                        change = 0.0
+                                S, local[i], rhs, mu, sigma, tau, zeta, multiplier[i], new, rows[0], rows[1]
+                            )
+                        else:
+                            status = solve_certified(
+                                S, LOCAL, diagonal[i], local[i], rhs, b[i], laws[i], new, rows, matrices
+                            )
+                        if COUNT:
+                            _count(S, LOCAL, diagonal[i], rhs, laws[i], new, status, rows[1], counts[slot])
+                        # An answer that fails its check is trusted half (Algorithm 4.1).
+                        step = 0.5 * relaxation if status & FAILED else relaxation
+                        if step != 1.0:
+                            _relax(S, step, r[i], laws[i], new)
+                        change = 0.0  # squared
                         for k in range(S):
                             rhs[k] = new[k] - r[i, k]
                             change += rhs[k] * rhs[k]
                             r[i, k] = new[k]
-                        if change > 0.0:
-                            for entry in range(indptr[i], indptr[i + 1]):
-                                base = indices[entry] * Q
-                                for c in range(Q):
-                                    total = 0.0
-                                    for k in range(S):
-                                        total += data[entry, c, k] * rhs[k]
-                                    z[base + c] += total
+                        if Q > 0 and change > 0.0:
+                            _spread_factored(S, Q, i, matrix, rhs, z)
                         if full:
                             sleep[i] = change <= calm
 
@@ -152,7 +161,7 @@ def matrix_free_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool) -> Callable[.
 
 
 @cache
-def factored_products(S: int, Q: int, PARALLEL: bool) -> tuple[Callable[..., None], Callable[..., None]]:
+def factored_products(S: int, Q: int, PARALLEL: bool) -> tuple[Kernel, Kernel]:
     """Kernels (spread, gather) of G stored as block rows (blocks Q x S): z = G^T r and u = G z."""
 
     @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath={"contract", "reassoc"})

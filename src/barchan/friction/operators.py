@@ -148,7 +148,7 @@ def _build(problem: Problem, kind: str) -> Delassus:
         return _of_variant(problem, kind)
     shape = (problem.n, problem.s)
     if problem.is_reduced:
-        return StoredDelassus(block_rows(problem.W, problem.s, problem.s), problem.b.reshape(shape))
+        return StoredDelassus(problem.w_rows, problem.b.reshape(shape))
     free = _velocity(problem, problem.f, homogeneous=False)
     b = np.asarray(problem.H @ free + problem.w).reshape(shape)
     lumped = problem.factor.diagonal is not None and problem.C is None

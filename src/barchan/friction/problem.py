@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -16,15 +16,27 @@ import scipy.sparse as sp
 
 from barchan.cones import Law
 from barchan.errors import InputError
-from barchan.linalg import BlockRows, Factor, block_rows, diagonal_blocks_of_square, factorise
-from barchan.linalg.factor import check_symmetric, sparse_solver
+from barchan.linalg import BlockRows, Factor, block_rows, diagonal_blocks_of_square, factorise, saddle_solver
+from barchan.linalg.factor import check_symmetric
 
 DELASSUS_ASYMMETRY = 1e-2
 Matrix: TypeAlias = np.ndarray | sp.sparray | sp.spmatrix
 
 
+def _numbers(name: str, value: Any) -> np.ndarray:
+    try:
+        array = np.asarray(value)
+        if np.iscomplexobj(array):
+            raise InputError(name, "array of complex numbers", "real")
+        return np.asarray(array, dtype=float)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(name, value, "an array of numbers") from error
+
+
 def _vector(name: str, value: Any, length: int | None = None) -> np.ndarray:
-    array = np.ascontiguousarray(value, dtype=float)
+    array = np.ascontiguousarray(_numbers(name, value))
     if array.ndim != 1:
         raise InputError(name, f"array of shape {array.shape}", "a one-dimensional array")
     if length is not None and len(array) != length:
@@ -36,13 +48,26 @@ def _vector(name: str, value: Any, length: int | None = None) -> np.ndarray:
 
 def _matrix(name: str, value: Any) -> sp.sparray:
     if not sp.issparse(value):
-        value = np.atleast_2d(np.asarray(value, dtype=float))
-    matrix = sp.csr_array(value)
+        value = np.atleast_2d(_numbers(name, value))
+        if value.ndim != 2:
+            raise InputError(name, f"array of shape {value.shape}", "a matrix")
+    elif value.dtype.kind not in "biuf":
+        raise InputError(name, f"sparse matrix of {value.dtype}", "real numbers")
+    matrix = sp.csr_array(value, dtype=float)
     if not np.isfinite(matrix.data).all():
         raise InputError(name, "matrix with NaN or infinite entries", "finite")
     if sp.issparse(value) and value.format == "bsr":
         return sp.bsr_array(value)
     return matrix
+
+
+def _check_minors(W: sp.coo_array) -> None:
+    """Refuse a W with a 2 x 2 principal minor that is negative beyond round-off: what is cheap to see of indefiniteness."""
+    diagonal = W.diagonal()
+    bound = np.sqrt(diagonal[W.coords[0]] * diagonal[W.coords[1]])
+    excess = np.abs(W.data) - bound
+    if (excess > DELASSUS_ASYMMETRY * np.abs(W.data).max(initial=0.0)).any():
+        raise InputError("W", "matrix with a negative eigenvalue", "positive semi-definite")
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +78,7 @@ class Problem:
     ----------
     M : (m, m) symmetric positive definite matrix.  f : (m,).  H : (n s, m).  w : (n s,).
     law : one law for all blocks, with scalar parameters or one entry per block.
-    C, k : (c, m) and (c,) bilateral constraints C v = k, optional.
+    C, k : (c, m) and (c,) bilateral constraints C v = k, optional; rows may repeat each other.
     W, b : (n s, n s) symmetric positive semi-definite Delassus operator and (n s,); used instead of M, f, H, w.
         Stored problems carry round-off of the code that made them: up to DELASSUS_ASYMMETRY is accepted, W kept as given.
     block_size : s; needed only when neither the law's arrays nor the blocks of a BSR matrix tell it.
@@ -61,7 +86,7 @@ class Problem:
 
     Raises
     ------
-    InputError : names the array and what is wrong with it (shape, NaN, symmetry, definiteness).
+    InputError : names the array and what is wrong with it (shape, NaN, symmetry, definiteness, C v = k without solution).
     """
 
     M: Any = None
@@ -102,6 +127,15 @@ class Problem:
         store(other, "drift", self.drift + added)
         return other
 
+    def part(self, blocks: np.ndarray, W: sp.csr_array, b: np.ndarray) -> Problem:
+        """The reduced problem of some of the blocks, with their W and b (n', s); nothing is checked again."""
+        other = object.__new__(Problem)
+        given: dict[str, Any] = dict.fromkeys(field.name for field in fields(self))
+        given |= {"W": W, "b": b.reshape(-1), "law": self.law.take(blocks), "block_size": self.s}
+        given["reference_force"] = self.reference_force
+        other.__dict__.update(given)
+        return other
+
     @cached_property
     def origin(self) -> Problem:
         """The problem that this one is a variant of; itself when it is none."""
@@ -125,6 +159,7 @@ class Problem:
             check_symmetric(sp.csr_array(self.W), "W", DELASSUS_ASYMMETRY)
             if (self.W.diagonal() < 0.0).any():
                 raise InputError("W", "matrix with a negative diagonal entry", "positive semi-definite")
+            _check_minors(sp.coo_array(self.W))
         else:
             rows = self._store_full()
         store(self, "block_size", self._find_block_size(rows))
@@ -151,6 +186,7 @@ class Problem:
                     "C", f"matrix of shape {self.C.shape}", f"with {self.M.shape[1]} columns, as M"
                 )
             store(self, "k", _vector("k", self.k, self.C.shape[0]))
+            store(self, "_saddle", saddle_solver(self.M, self.C, self.k))
         return int(self.H.shape[0])
 
     def _find_block_size(self, rows: int) -> int:
@@ -195,14 +231,9 @@ class Problem:
         """Factorisation of M, made once."""
         return self._factor  # type: ignore[attr-defined]
 
-    @cached_property
-    def _saddle(self) -> Any:
-        saddle = sp.block_array([[self.M, -self.C.T], [self.C, None]], format="csr")
-        return sparse_solver(saddle, "C", positive=False)
-
     def saddle_solve(self, load: np.ndarray, k: np.ndarray) -> np.ndarray:
         """Velocities of M v = load + C^T l, C v = k: `load` (m,) or (m, q), `k` (c,) or (c, q)."""
-        return np.asarray(self._saddle(np.concatenate([load, k]))[: self.size])
+        return np.asarray(self._saddle(load, k))  # type: ignore[attr-defined]
 
     @cached_property
     def _prepared(self) -> dict[Hashable, Any]:
@@ -233,10 +264,15 @@ class Problem:
         return block_rows(self.H, self.s, self.velocity_block)
 
     @cached_property
+    def w_rows(self) -> BlockRows:
+        """W of a reduced problem as block rows (s x s)."""
+        return block_rows(self.W, self.s, self.s)
+
+    @cached_property
     def diagonal_blocks(self) -> np.ndarray:
         """(n, s, s) diagonal blocks of W. Cost O(entries); one solve per row when M is not made of small blocks."""
         if self.is_reduced:
-            return diagonal_blocks_of_square(block_rows(self.W, self.s, self.s))
+            return diagonal_blocks_of_square(self.w_rows)
         H = sp.csr_array(self.H)
         if self.factor.diagonal is not None:
             return self._diagonal_blocks_of_lumped()
@@ -264,6 +300,8 @@ class Problem:
     def rho(self) -> np.ndarray:
         """(n,) force per velocity rho_i = s / Tr(W_ii) of the certificate (blocks with W_ii = 0 take the median)."""
         trace = np.einsum("iaa->i", self.diagonal_blocks)
+        if len(trace) and trace.min() > 0.0:
+            return np.asarray(self.s / trace)
         positive = trace > 0.0
         fallback = self.s / np.median(trace[positive]) if positive.any() else 1.0
         return np.where(positive, self.s / np.where(positive, trace, 1.0), fallback)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barchan.friction.certificate import Certificate, balanced_velocity, certify
+from barchan.friction.existence import NONE, Existence
 from barchan.friction.problem import Problem
 
 
@@ -26,7 +27,11 @@ class Solution:
     """Result of `solve`.
 
     r : (n s,) forces.  u : (n s,) relative velocities.  v : (m,) velocities, None in reduced form.
-    certificate : the independent proof.  converged : certificate.residual <= tol.  history : list of `Progress`.
+    certificate : the independent proof.  converged : certificate.residual <= tol, unless proven to have no solution.
+    history : list of `Progress`.
+    elapsed : seconds of the method with its set-up, without the certificate.
+    status : "converged", "stopped by callback", "iteration limit reached" or "no solution".
+    message : status, in the last case with the proof.  existence : the verdict, where it was asked for or needed.
     """
 
     r: np.ndarray
@@ -38,7 +43,9 @@ class Solution:
     elapsed: float
     history: list[Progress]
     method: str
+    status: str = ""
     message: str = ""
+    existence: Existence | None = None
 
 
 @dataclass
@@ -77,8 +84,11 @@ class Recorder:
         return time.perf_counter() - self._start
 
 
-def finish(problem: Problem, recorder: Recorder, method: str, tolerance: float) -> Solution:
-    """Certify the best iterate and say how the method ended."""
+def finish(
+    problem: Problem, recorder: Recorder, method: str, tolerance: float, proof: Existence | None = None
+) -> Solution:
+    """Certify the best iterate and say how the method ended; `proof` tells whether there is a solution at all."""
+    seconds = recorder.seconds
     r = np.zeros(problem.n * problem.s) if recorder.best is None else recorder.best.reshape(-1)
     if problem.is_reduced:
         v = None
@@ -87,11 +97,18 @@ def finish(problem: Problem, recorder: Recorder, method: str, tolerance: float) 
         v = balanced_velocity(problem, r)
         u = problem.H @ v + problem.w
     certificate = certify(problem, r, v)
-    converged = certificate.residual <= tolerance
-    message = (
-        "converged" if converged else "stopped by callback" if recorder.stopped else "iteration limit reached"
-    )
+    converged = certificate.residual <= tolerance and (proof is None or proof.verdict != NONE)
+    status = _status(converged, recorder.stopped, proof)
+    message = str(proof) if proof is not None and proof.verdict == NONE else status
     iterations = recorder.history[-1].iteration if recorder.history else 0
     return Solution(
-        r, u, v, certificate, converged, iterations, recorder.seconds, recorder.history, method, message
+        r, u, v, certificate, converged, iterations, seconds, recorder.history, method, status, message, proof
     )
+
+
+def _status(converged: bool, stopped: bool, proof: Existence | None) -> str:
+    if proof is not None and proof.verdict == NONE:
+        return "no solution"
+    if converged:
+        return "converged"
+    return "stopped by callback" if stopped else "iteration limit reached"

@@ -12,12 +12,15 @@ from typing import Any
 import numpy as np
 
 from barchan.errors import InputError
+from barchan.friction.existence import NONE, data_size, existence
 from barchan.friction.methods import METHODS
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Progress, Recorder, Solution, finish
 from barchan.linalg import one_blas_thread
 
 SAFETY = 0.9
+LARGEST_CHECKED = 6000
+DOUBTFUL = 1e3
 
 
 def methods() -> tuple[str, ...]:
@@ -32,6 +35,7 @@ def solve(
     r0: np.ndarray | None = None,
     max_iterations: int | None = None,
     callback: Callable[[Progress, np.ndarray], object] | None = None,
+    check_existence: bool = False,
     **options: Any,
 ) -> Solution:
     """Solve a frictional problem.
@@ -43,6 +47,9 @@ def solve(
     r0 : (n s,) or (n, s) initial forces.
     max_iterations : of the method (None: its own default).
     callback : called with (Progress, r) at each recorded iterate; returning True stops the solve.
+    check_existence : first ask whether there is a solution (`barchan.friction.existence`); where there is none the method is
+        not run and the status is "no solution". Asked of itself when "auto" fails within its own limits, and when forces
+        grew beyond all proportion to the data.
     options : passed on to the method (see `gauss_seidel`, `aspg`).
 
     Raises
@@ -59,11 +66,28 @@ def solve(
     start = _start(problem, r0)
     recorder = Recorder(SAFETY * tol, callback)
     with one_blas_thread():
-        if problem.n == 0:
-            recorder.record(0, 0.0, start)
+        proof = existence(problem) if check_existence else None
+        if problem.n == 0 or (proof is not None and proof.verdict == NONE):
+            recorder.record(0, 0.0 if problem.n == 0 else math.inf, start)
         else:
             METHODS[method].run(problem, recorder, start, max_iterations=max_iterations, **options)
-        return finish(problem, recorder, method, tol)
+        unlimited = method == "auto" and max_iterations is None
+        if proof is None and _is_doubtful(problem, recorder, unlimited):
+            proof = existence(problem)
+        return finish(problem, recorder, method, tol, proof)
+
+
+def _is_doubtful(problem: Problem, recorder: Recorder, unlimited: bool) -> bool:
+    """Whether to ask if there is a solution: "auto" failed within its own limits, or forces are out of proportion to the data.
+
+    Without a solution forces grow for ever and the residual, relative to them, falls: it alone would call that convergence.
+    """
+    if recorder.stopped or recorder.best is None or not 0 < problem.n * problem.s <= LARGEST_CHECKED:
+        return False
+    if recorder.best_residual > recorder.tolerance:
+        return unlimited
+    size = float(np.linalg.norm(recorder.best / np.sqrt(problem.rho)[:, None]))
+    return size > DOUBTFUL * data_size(problem)
 
 
 def _start(problem: Problem, r0: np.ndarray | None) -> np.ndarray:

@@ -6,9 +6,12 @@ A thin view on SciPy's BSR format with 64-bit-free index arrays and C-contiguous
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+
+from barchan.linalg._kernels import count_blocks, diagonal_of_blocks, fill_blocks
 
 
 @dataclass(frozen=True)
@@ -32,15 +35,18 @@ class BlockRows:
 
 
 def block_rows(matrix: sp.sparray | sp.spmatrix | np.ndarray, s: int, q: int) -> BlockRows:
-    """Cut a (n s, c q) matrix into s x q blocks (zero blocks dropped), sorted by column. Cost O(entries)."""
-    bsr = (
-        sp.bsr_array(sp.csr_array(matrix), blocksize=(s, q))
-        if not _is_bsr(matrix, s, q)
-        else sp.bsr_array(matrix)
-    )
-    bsr.sort_indices()
-    data = np.ascontiguousarray(bsr.data, dtype=float)
-    return BlockRows(bsr.indptr.astype(np.int32), bsr.indices.astype(np.int32), data, bsr.shape[1] // q)
+    """Cut a (n s, c q) matrix into s x q blocks (blocks without entries dropped), sorted by column. Cost O(entries)."""
+    if _is_bsr(matrix, s, q):
+        bsr = sp.bsr_array(matrix)
+        bsr.sort_indices()
+        data = np.ascontiguousarray(bsr.data, dtype=float)
+        return BlockRows(bsr.indptr.astype(np.int32), bsr.indices.astype(np.int32), data, bsr.shape[1] // q)
+    csr: Any = matrix if sp.issparse(matrix) and matrix.format == "csr" else sp.csr_array(matrix)  # type: ignore[union-attr]
+    columns = csr.shape[1] // q
+    pointers = count_blocks(csr.indptr, csr.indices, s, q, columns)
+    values = np.asarray(csr.data, dtype=float)
+    indices, data = fill_blocks(csr.indptr, csr.indices, values, s, q, columns, pointers)
+    return BlockRows(pointers, indices, data, columns)
 
 
 def _is_bsr(matrix: object, s: int, q: int) -> bool:
@@ -49,9 +55,6 @@ def _is_bsr(matrix: object, s: int, q: int) -> bool:
 
 def diagonal_blocks_of_square(rows: BlockRows) -> np.ndarray:
     """Diagonal blocks (n, s, s) of a square block matrix (zero where none is stored)."""
-    n, s = rows.n, rows.data.shape[1]
-    blocks = np.zeros((n, s, s))
-    row_of = np.repeat(np.arange(n), np.diff(rows.indptr))
-    on_diagonal = rows.indices == row_of
-    blocks[row_of[on_diagonal]] = rows.data[on_diagonal]
+    blocks = np.empty((rows.n, rows.data.shape[1], rows.data.shape[1]))
+    diagonal_of_blocks(rows.indptr, rows.indices, rows.data, blocks)
     return blocks

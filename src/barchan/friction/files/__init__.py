@@ -57,8 +57,8 @@ def write_arrays(path: str | PathLike[str], arrays: ProblemArrays, storage: str 
     Parameters
     ----------
     path : where to write; an existing file is replaced.
-    arrays : the problem; `.dat` takes reduced problems without stored solution only.
-    storage : how `.dat` holds W: "blocks" (only blocks with a non-zero) or "dense".
+    arrays : the problem; `.dat` takes none with bilateral rows, stored solution or guesses, FCLIB none with dilatancy.
+    storage : how `.dat` holds matrices: "blocks" (only blocks with a non-zero) or "dense".
 
     Raises
     ------

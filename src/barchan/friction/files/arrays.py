@@ -1,7 +1,7 @@
 """The neutral form of a problem file: a frozen bundle of matrices and vectors, and what makes it sound.
 
 Signs and names are those of DESIGN (M v = f + H^T r + C^T l, C v = k, u = H v + w; reduced u = W r + b),
-whatever the file used (seed B, 2.2-2.3).
+whatever the file used (seed B, 2.2-2.3; mixed problems are its Eq. 2.18).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class SolutionArrays:
     r : (n s,) contact forces, impulses or stresses.
     u : (n s,) relative velocities or strain rates.
     v : (m,) generalised velocities; None in files of reduced problems.
-    l : (c,) multipliers of the bilateral rows; None without them.
+    l : (c,) multipliers of the bilateral rows (also those of a mixed problem); None without them.
     """
 
     r: Vector
@@ -40,7 +40,8 @@ class SolutionArrays:
 class ProblemArrays:
     """A discrete Coulomb friction problem as arrays: n blocks of size s, m velocities, c bilateral rows.
 
-    Either W and b (reduced) or M, f, H and w (full) are given, never both; C and k only beside M. Matrices
+    Either W and b (reduced) or M, f, H and w (full) are given, never both; C and k only beside M; B, P and c only
+    beside W, where they make the problem mixed: bilateral multipliers l not eliminated. Matrices
     are `scipy.sparse.csr_array` in canonical form (sorted, no duplicates, no stored zeros), vectors flat
     float64.
 
@@ -50,6 +51,7 @@ class ProblemArrays:
     block_size : s; rows of a block are ordered (N; T...).
     mu : (n,) friction coefficients.
     W, b : (n s, n s) and (n s,), u = W r + b.
+    B, P, c : (n s, c), (c, c) and (c,) of a mixed problem, u = W r + B l + b and P l + B^T r + c = 0; else None.
     M, f, H, w : (m, m), (m,), (n s, m), (n s,), M v = f + H^T r + C^T l and u = H v + w.
     C, k : (c, m) and (c,), C v = k; None without bilateral rows.
     solution, guesses : what the file stored beside the problem, not checked against it.
@@ -62,6 +64,9 @@ class ProblemArrays:
     mu: Vector
     W: sp.csr_array | None = None
     b: Vector | None = None
+    B: sp.csr_array | None = None
+    P: sp.csr_array | None = None
+    c: Vector | None = None
     M: sp.csr_array | None = None
     f: Vector | None = None
     H: sp.csr_array | None = None
@@ -116,6 +121,7 @@ def require_sound(arrays: ProblemArrays, source: str) -> None:
     if arrays.reduced:
         _require_matrix(source, "W", arrays.W, (size, size))
         _require_vector(source, "b", arrays.b, size)
+        _require_mixed(arrays, source, size)
     else:
         _require_full(arrays, source, size)
     if arrays.dilatancy is not None:
@@ -128,6 +134,17 @@ def require_sound(arrays: ProblemArrays, source: str) -> None:
     ):
         if state is not None:
             _require_state(arrays, f"{source}: {name}", state, size)
+
+
+def _require_mixed(arrays: ProblemArrays, source: str, size: int) -> None:
+    given = [part is not None for part in (arrays.B, arrays.P, arrays.c)]
+    if arrays.c is None or not all(given):
+        if any(given):
+            raise InputError(f"{source}: bilateral rows", "some of B, P and c", "all of B, P and c")
+        return
+    _require_vector(source, "c", arrays.c, len(arrays.c))
+    _require_matrix(source, "B", arrays.B, (size, len(arrays.c)))
+    _require_matrix(source, "P", arrays.P, (len(arrays.c), len(arrays.c)))
 
 
 def _require_full(arrays: ProblemArrays, source: str, size: int) -> None:
@@ -149,7 +166,8 @@ def _require_state(arrays: ProblemArrays, source: str, state: SolutionArrays, si
     if state.v is not None:
         _require_vector(source, "v", state.v, 0 if arrays.M is None else arrays.M.shape[0])
     if state.l is not None:
-        _require_vector(source, "l", state.l, 0 if arrays.C is None else arrays.C.shape[0])
+        rows = arrays.k if arrays.c is None else arrays.c
+        _require_vector(source, "l", state.l, 0 if rows is None else len(rows))
 
 
 def _require_matrix(source: str, name: str, matrix: sp.csr_array | None, shape: tuple[int, int]) -> None:

@@ -84,13 +84,14 @@ def _skip_flag(reader: TokenReader) -> None:
 
 
 def write_dat(path: Path, arrays: ProblemArrays, storage: str = "blocks") -> None:
-    """Write a reduced problem; every number is printed so that reading gives the same float64 again.
+    """Write a problem; numbers have 17 digits, so that reading gives the same float64 again.
 
     Parameters
     ----------
     path : where to write; an existing file is replaced in one step.
-    arrays : a reduced problem whose block size is its dimension, without stored solution or guesses.
-    storage : "blocks" (only s-by-s blocks with a non-zero) or "dense".
+    arrays : a reduced or full problem whose block size is its dimension, without bilateral rows, stored solution or
+        guesses; a dilatancy in reduced problems only. It is written as mu - zeta, which may cost it its last bit.
+    storage : "blocks" (only blocks with a non-zero, s by s, or of one row where the rows are not a multiple of s) or "dense".
 
     Raises
     ------
@@ -98,8 +99,14 @@ def write_dat(path: Path, arrays: ProblemArrays, storage: str = "blocks") -> Non
         cannot be written.
     """
     require_sound(arrays, str(path))
-    if arrays.W is None or arrays.b is None:
-        raise InputError(str(path), "a full problem", "reduced for .dat (full ones go to .hdf5)")
+    if arrays.C is not None or arrays.P is not None:
+        raise InputError(
+            str(path), "a problem with bilateral rows", "written to .hdf5, .dat has no place for them"
+        )
+    if arrays.dilatancy is not None and not arrays.reduced:
+        raise InputError(
+            f"{path}: dilatancy", "given", "absent, .dat has a place for it in reduced problems only"
+        )
     if arrays.block_size != arrays.dimension:
         raise InputError(f"{path}: block size", arrays.block_size, "the dimension, for .dat")
     if arrays.solution is not None or arrays.guesses:
@@ -108,39 +115,39 @@ def write_dat(path: Path, arrays: ProblemArrays, storage: str = "blocks") -> Non
         )
     if storage not in ("blocks", "dense"):
         raise InputError("storage", storage, "'blocks' or 'dense'")
-    size = arrays.count * arrays.block_size
-    lines = [
-        str(arrays.dimension),
-        str(arrays.count),
-        "1" if storage == "blocks" else "0",
-        str(size),
-        str(size),
-    ]
-    lines += _block_lines(arrays.W, arrays.block_size) if storage == "blocks" else _dense_lines(arrays.W)
-    lines += [_row(arrays.b), _row(arrays.mu)]
+    matrices = [arrays.W] if arrays.M is None or arrays.H is None else [arrays.M, sp.csr_array(arrays.H.T)]
+    vectors = [arrays.b, arrays.mu] if arrays.reduced else [arrays.f, arrays.w, arrays.mu]
+    lines = [str(arrays.dimension), str(arrays.count)]
+    for matrix in matrices:
+        lines += _matrix_lines(matrix, arrays.block_size, storage)
+    lines += [_row(vector) for vector in vectors if vector is not None]
     if arrays.dilatancy is not None:
         lines.append(_row(arrays.mu - arrays.dilatancy))
     with replacing(path) as draft:
         draft.write_text("\n".join(lines) + "\n", encoding="ascii")
 
 
-def _dense_lines(matrix: sp.csr_array) -> list[str]:
-    return [f"{matrix.shape[0]}\t{matrix.shape[1]}", *map(_row, matrix.toarray().T)]
+def _matrix_lines(matrix: sp.csr_array, s: int, storage: str) -> list[str]:
+    head = ["1" if storage == "blocks" else "0", *map(str, matrix.shape)]
+    if storage == "dense":
+        return [*head, f"{matrix.shape[0]}\t{matrix.shape[1]}", *map(_row, matrix.toarray().T)]
+    return [*head, *_block_lines(matrix, *(s if size % s == 0 else 1 for size in matrix.shape))]
 
 
-def _block_lines(matrix: sp.csr_array, s: int) -> list[str]:
+def _block_lines(matrix: sp.csr_array, height: int, width: int) -> list[str]:
     if not matrix.nnz:
         return ["0"]
-    blocks = sp.bsr_array(matrix, blocksize=(s, s))
+    blocks = sp.bsr_array(matrix, blocksize=(height, width))
     blocks.sort_indices()
-    rows, count = matrix.shape[0] // s, len(blocks.data)
-    ends = _row(s * np.arange(1, rows + 1))
-    lines = [str(count), str(rows), str(rows), ends, ends, str(rows + 1), str(count)]
+    rows, columns, count = matrix.shape[0] // height, matrix.shape[1] // width, len(blocks.data)
+    ends = [_row(height * np.arange(1, rows + 1)), _row(width * np.arange(1, columns + 1))]
+    lines = [str(count), str(rows), str(columns), *ends, str(rows + 1), str(count)]
     lines += [_row(blocks.indptr), _row(blocks.indices)]
     for number, block in enumerate(blocks.data):
-        lines += [str(number), *map(repr, block.ravel(order="F").tolist())]
+        lines += [str(number), _row(block.ravel(order="F"))]
     return lines
 
 
 def _row(values: NDArray[Any]) -> str:
-    return "\t".join(map(repr, values.tolist()))
+    form = "d" if values.dtype.kind == "i" else ".16e"
+    return "\t".join(format(value, form) for value in values.tolist())

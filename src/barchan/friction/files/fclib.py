@@ -1,8 +1,7 @@
-"""FCLIB's HDF5 files: local (reduced) and global frictional contact problems, solutions and guesses.
+"""FCLIB's HDF5 files: local (reduced or mixed) and global frictional contact problems, solutions and guesses.
 
-FCLIB writes M v = H r + G l + f, G^T v + b = 0, u = H^T v + w and u = W r + q (seed B, discussion of chapter
-4). In the signs of DESIGN its H is our H^T, its G our C^T, its b our -k and its q our b. Mixed local problems
-(V, R) are not read.
+FCLIB writes M v = H r + G l + f, G^T v + b = 0, u = H^T v + w and u = W r + V l + q, V^T r + R l + s = 0 (seed B, discussion
+of chapter 4). In the signs of DESIGN and Eq. 2.18 its H, G, b are our H^T, C^T, -k; its q, V, R, s our b, B, P, c.
 """
 
 from __future__ import annotations
@@ -22,6 +21,10 @@ from barchan.storage import replacing
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _CSC, _CSR = -1, -2
 _LARGEST = 2**31 - 1
+# Deflate, the strongest filter that FCLIB's writers use, shrinks at most 1032 times.
+_STRONGEST_COMPRESSION = 1032
+_ALWAYS_READ = 2**20
+_LARGEST_CHUNK = 2**28
 # What h5py raises for a file whose structure is broken, depending on where the damage lies.
 _DAMAGE = (OSError, RuntimeError, KeyError, TypeError, ValueError)
 
@@ -37,8 +40,8 @@ def read_fclib(path: Path) -> ProblemArrays:
 
     Raises
     ------
-    InputError : not an FCLIB file, a mixed local problem, missing or misshapen items, numbers that are not
-        finite.
+    InputError : not an FCLIB file, missing or misshapen items, numbers that are not finite. No more memory is taken than
+        the file can fill, whatever sizes it claims.
     """
     try:
         with h5py.File(path, "r") as file:
@@ -69,7 +72,19 @@ class _Items:
         dataset = self.file.get(item)
         if not isinstance(dataset, h5py.Dataset) or dataset.dtype.kind not in "iuf":
             raise self.wrong(item, "missing" if dataset is None else "not numbers", "a dataset of numbers")
-        return np.asarray(dataset[()]).astype(kind).ravel()
+        values = np.asarray(self._content(item, dataset)).ravel()
+        if kind is np.int64 and not np.array_equal(values, np.trunc(values)):
+            raise self.wrong(item, "fractions", "whole numbers")
+        return values.astype(kind)
+
+    def _content(self, item: str, dataset: h5py.Dataset) -> Any:
+        """What a dataset holds, provided that the file is large enough to hold it."""
+        claimed = dataset.size * dataset.dtype.itemsize
+        chunk = int(np.prod(dataset.chunks or (0,), dtype=float)) * dataset.dtype.itemsize
+        stored = _STRONGEST_COMPRESSION * min(dataset.id.get_storage_size(), Path(self.source).stat().st_size)
+        if claimed > max(stored, _ALWAYS_READ) or chunk > _LARGEST_CHUNK:
+            raise self.wrong(item, f"{claimed} bytes", "what the file can hold")
+        return dataset[()]
 
     def vector(self, item: str) -> Vector:
         vector: Vector = self.numbers(item, np.float64)
@@ -83,11 +98,12 @@ class _Items:
 
     def text(self, item: str) -> str:
         dataset = self.file.get(item)
-        value = dataset[()] if isinstance(dataset, h5py.Dataset) and dataset.shape == () else b""
+        scalar = isinstance(dataset, h5py.Dataset) and dataset.shape == ()
+        value = self._content(item, dataset) if scalar else b""
         return value.decode("utf-8", errors="replace") if isinstance(value, bytes) else str(value)
 
-    def matrix(self, item: str) -> sp.csr_array:
-        """A matrix in compressed rows (nz = -2), compressed columns (nz = -1) or nz triplets.
+    def matrix(self, item: str, largest: int) -> sp.csr_array:
+        """A matrix in compressed rows (nz = -2), compressed columns (nz = -1) or nz triplets; at most `largest` rows, columns.
 
         In triplets `i` holds the rows and `p` the columns, as CSparse and every file seen have it; FCLIB's
         own documentation says the opposite, so the other order is taken when only that one fits the shape.
@@ -98,6 +114,8 @@ class _Items:
         x = self.vector(f"{item}/x")
         if min(shape) < 0 or nz < _CSR:
             raise self.wrong(f"{item}/m, n, nz", (*shape, nz), "sizes >= 0 and nz >= -2")
+        if max(shape) > largest:
+            raise self.wrong(f"{item}/m, n", shape, f"at most {largest}, the length of the longest vector")
         if nz >= 0:
             return self._from_triplets(item, shape, (i[:nz], p[:nz], x[:nz]), nz)
         lines, across = shape if nz == _CSR else shape[::-1]
@@ -135,25 +153,35 @@ def _read_problem(items: _Items) -> ProblemArrays:
     dimension = items.integer(f"{root}/spacedim")
     parts: dict[str, Any] = {"mu": items.vector(f"{root}/vectors/mu")}
     parts |= {name: items.text(f"{root}/info/{name}") for name in ("title", "description", "math_info")}
-    if root == "fclib_local":
-        if items.has(f"{root}/V") or items.has(f"{root}/R"):
-            raise items.wrong(f"{root}/V", "present", "absent (mixed local problems are not read)")
-        parts |= {"W": items.matrix(f"{root}/W"), "b": items.vector(f"{root}/vectors/q")}
-    else:
-        parts |= {"M": items.matrix(f"{root}/M"), "f": items.vector(f"{root}/vectors/f")}
-        parts |= {"H": canonical(items.matrix(f"{root}/H").T), "w": items.vector(f"{root}/vectors/w")}
-        if items.has(f"{root}/G"):
-            # Taken from 0 so that a zero does not become -0.
-            parts |= {
-                "C": canonical(items.matrix(f"{root}/G").T),
-                "k": 0.0 - items.vector(f"{root}/vectors/b"),
-            }
+    parts |= _read_local(items, root) if root == "fclib_local" else _read_global(items, root)
     if items.has("solution"):
         parts["solution"] = _read_state(items, "solution")
     if items.has("guesses"):
         count = items.integer("guesses/number_of_guesses")
         parts["guesses"] = tuple(_read_state(items, f"guesses/{number + 1}") for number in range(count))
     return ProblemArrays(dimension, dimension, **parts)
+
+
+def _read_local(items: _Items, root: str) -> dict[str, Any]:
+    parts: dict[str, Any] = {"b": items.vector(f"{root}/vectors/q")}
+    if any(items.has(f"{root}/{name}") for name in ("V", "R")):
+        parts["c"] = items.vector(f"{root}/vectors/s")
+    largest = max(map(len, parts.values()))
+    parts["W"] = items.matrix(f"{root}/W", largest)
+    if "c" in parts:
+        parts |= {"B": items.matrix(f"{root}/V", largest), "P": items.matrix(f"{root}/R", largest)}
+    return parts
+
+
+def _read_global(items: _Items, root: str) -> dict[str, Any]:
+    parts: dict[str, Any] = {name: items.vector(f"{root}/vectors/{name}") for name in "fw"}
+    if items.has(f"{root}/G"):
+        parts["k"] = 0.0 - items.vector(f"{root}/vectors/b")  # from 0, so that a zero does not become -0
+    largest = max(map(len, parts.values()))
+    parts |= {"M": items.matrix(f"{root}/M", largest), "H": canonical(items.matrix(f"{root}/H", largest).T)}
+    if "k" in parts:
+        parts["C"] = canonical(items.matrix(f"{root}/G", largest).T)
+    return parts
 
 
 def _read_state(items: _Items, group: str) -> SolutionArrays:
@@ -196,13 +224,14 @@ def write_fclib(path: Path, arrays: ProblemArrays) -> None:
 def _write_problem(file: h5py.File, arrays: ProblemArrays) -> None:
     root = "fclib_local" if arrays.reduced else "fclib_global"
     _write_integers(file, f"{root}/spacedim", [arrays.dimension])
-    if arrays.W is not None:
-        _write_matrix(file, f"{root}/W", arrays.W, compressed=True)
+    for name, matrix in (("W", arrays.W), ("V", arrays.B), ("R", arrays.P)):
+        if matrix is not None:
+            _write_matrix(file, f"{root}/{name}", matrix, compressed=True)
     for name, matrix in (("M", arrays.M), ("H", arrays.H), ("G", arrays.C)):
         if matrix is not None:
             _write_matrix(file, f"{root}/{name}", matrix if name == "M" else matrix.T)
     opposite_k = None if arrays.k is None else 0.0 - arrays.k
-    vectors = {"mu": arrays.mu, "q": arrays.b, "f": arrays.f, "w": arrays.w, "b": opposite_k}
+    vectors = {"mu": arrays.mu, "q": arrays.b, "f": arrays.f, "w": arrays.w, "b": opposite_k, "s": arrays.c}
     for name, vector in vectors.items():
         if vector is not None:
             file.create_dataset(f"{root}/vectors/{name}", data=vector)

@@ -30,12 +30,18 @@ def read_matrix(reader: TokenReader, name: str) -> sp.csr_array:
 
     Raises
     ------
-    InputError : unknown storage, truncated or inconsistent sizes, or entries that are not finite.
+    InputError : unknown storage, truncated or inconsistent sizes, or entries that are not finite. Nothing larger than a
+        few times the file is ever allocated, whatever sizes it claims.
     """
     storage = reader.integer(f"storage type of {name}")
     rows, columns = reader.integers(f"shape of {name}", 2)
     if storage not in (0, 1, 2):
         raise reader.wrong(f"storage type of {name}", storage, "0 (dense), 1 (sparse blocks) or 2 (printed)")
+    # Rows and columns of every matrix of a problem are also the length of one of its vectors.
+    if max(rows, columns) > len(reader.tokens):
+        raise reader.wrong(
+            f"shape of {name}", f"({rows}, {columns})", "no larger than the file (is it truncated?)"
+        )
     return (_read_dense, _read_blocks, _read_printed)[storage](reader, name, (int(rows), int(columns)))
 
 
@@ -65,13 +71,13 @@ def _read_blocks(reader: TokenReader, name: str, shape: tuple[int, int]) -> sp.c
     monotone = len(sizes) and pointers[0] == 0 and np.all(sizes >= 0) and pointers[-1] == count
     if not monotone or len(sizes) > block_rows:
         raise reader.wrong(f"row pointers of {name}", "inconsistent", f"non-decreasing from 0 to {count}")
-    block_row = np.repeat(np.arange(len(sizes)), sizes)
     block_column = reader.integers(f"block columns of {name}", int(filled[1]))
     if len(block_column) != count or block_column.max() >= block_columns:
         raise reader.wrong(
             f"block columns of {name}", "inconsistent", f"{count} numbers below {block_columns}"
         )
 
+    block_row = np.repeat(np.arange(len(sizes)), sizes)
     heights, widths = np.diff(row_starts)[block_row], np.diff(column_starts)[block_column]
     areas = heights * widths
     heads = np.concatenate(([0], np.cumsum(1 + areas)))
@@ -108,7 +114,7 @@ def _read_printed(reader: TokenReader, name: str, shape: tuple[int, int]) -> sp.
     previous, sizes = b"", None
     while sizes is None:
         (token,) = reader.words(f"line of sizes of {name}", 1)
-        sizes = re.fullmatch(rb"(\d+)-by-(\d+),", token)
+        sizes = re.fullmatch(rb"(\d{1,10})-by-(\d{1,10}),", token)
         by_triplets = previous == b"triplet:"
         previous = token
     if (int(sizes[1]), int(sizes[2])) != shape:

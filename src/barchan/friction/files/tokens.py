@@ -6,6 +6,7 @@ that names the file and the item. No equation of the seeds stands here.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -39,8 +40,19 @@ class TokenReader:
 
     @classmethod
     def open(cls, path: Path) -> TokenReader:
-        """Split the file at `path` into tokens."""
-        return cls(str(path), path.read_bytes().split())
+        """Split the file at `path` into tokens.
+
+        Raises InputError when the file ends inside a number, which would be read as another one: C prints exponents of two
+        digits or more, and none only where the number before has none.
+        """
+        content = path.read_bytes()
+        reader = cls(str(path), content.split())
+        if content[-1:].strip() and len(reader.tokens) > 1:
+            former, last = reader.tokens[-2:]
+            if re.search(rb"e[+-]?\d?$", last) or (b"e" in former and b"." in last and b"e" not in last):
+                shown = last[:_LONGEST_NUMBER].decode("ascii", errors="replace")
+                raise reader.wrong("last number", shown, "whole (the file is truncated)")
+        return reader
 
     @property
     def remaining(self) -> int:

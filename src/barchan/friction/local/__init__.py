@@ -1,30 +1,72 @@
-"""One-block solvers: exact secular equation (any s), enumeration of a quartic (s = 2, 3), Fischer-Burmeister Newton (any s).
+"""One-block solvers (seed B 4.1.1-4.1.2, 4.2.3, B.1): given W (s, s) and b (s,), find r with (W r + b, r) in the law.
 
-Seed B 4.1.1-4.1.2 and Appendix B.1. All share one meaning: given W (s, s) and b (s,), find r with (W r + b, r) in the law.
+Exact secular equation (any size and law), enumeration of a quartic (s = 2, 3), Newton on the functions of Fischer-Burmeister
+and of Alart-Curnier (pure, damped), fixed point of Duriez, and the four-sided pyramid, which solves another law. The last five
+also with a fail-safe: "<name>+enumerative" (Table 4.3) or "<name>+secular".
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from barchan.cones import Law
 from barchan.errors import InputError
 from barchan.friction.local._dispatch import (
+    ALART_CURNIER,
+    ALART_CURNIER_DAMPED,
+    DURIEZ,
     ENUMERATIVE,
+    FAILED,
     FISCHER_BURMEISTER,
-    HYBRID,
+    PYRAMID,
     SECULAR,
+    THEN_ENUMERATIVE,
+    THEN_SECULAR,
+    USED_FAILSAFE,
     scratch,
     solve_block_kernel,
 )
 from barchan.friction.local._secular import prepare
 
+_PRIMARY = {
+    "pyramid": PYRAMID,
+    "duriez": DURIEZ,
+    "alart-curnier": ALART_CURNIER,
+    "alart-curnier-damped": ALART_CURNIER_DAMPED,
+    "fischer-burmeister": FISCHER_BURMEISTER,
+}
 LOCAL_SOLVERS: dict[str, int] = {
     "secular": SECULAR,
+    **_PRIMARY,
     "enumerative": ENUMERATIVE,
-    "fischer-burmeister": FISCHER_BURMEISTER,
-    "hybrid": HYBRID,
+    **{f"{name}+enumerative": code + THEN_ENUMERATIVE for name, code in _PRIMARY.items()},
+    **{f"{name}+secular": code + THEN_SECULAR for name, code in _PRIMARY.items()},
 }
+
+
+@dataclass
+class LocalCounts:
+    """What the local solves of a run came to (the columns of seed B, Table 4.3); added to by each run it is given to.
+
+    solves : block solves.  failures : answers whose local certificate exceeds `LOCAL_TOLERANCE` (for the pyramid alone:
+    blocks without any answer of its own law).  failsafe_calls : answers of the primary solver that were handed on.
+    """
+
+    solves: int = 0
+    failures: int = 0
+    failsafe_calls: int = 0
+
+
+@dataclass(frozen=True)
+class BlockAnswer:
+    """How one block was solved: r, u = W r + b, each (s,); whether it failed, and whether the fail-safe was called."""
+
+    r: np.ndarray
+    u: np.ndarray
+    failed: bool
+    used_failsafe: bool
 
 
 def local_code(name: str, s: int, parameters: np.ndarray) -> int:
@@ -36,27 +78,29 @@ def local_code(name: str, s: int, parameters: np.ndarray) -> int:
     """
     if name not in LOCAL_SOLVERS:
         raise InputError("local_solver", name, "one of " + ", ".join(sorted(LOCAL_SOLVERS)))
-    if name in ("enumerative", "hybrid") and s > 3:
+    if name.endswith("enumerative") and s > 3:
+        suited = name.replace("enumerative", "secular")
         raise InputError(
-            "local_solver", name, f"'secular' or 'fischer-burmeister' for blocks of size {s} > 3"
+            "local_solver", name, f"'{suited}', for example, since blocks of size {s} > 3 have no enumeration"
         )
     if name != "secular" and (parameters[:, 1:3] != 0.0).any():
         raise InputError("local_solver", name, "'secular' for laws with a shear or tensile yield stress")
     return LOCAL_SOLVERS[name]
 
 
-def solve_block(
+def answer_block(
     law: Law, W: np.ndarray, b: np.ndarray, method: str = "secular", r0: np.ndarray | None = None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Solve one block: find r, u = W r + b with (u, r) in `law` (first block's parameters).
+) -> BlockAnswer:
+    """Solve one block and tell how: find r, u = W r + b with (u, r) in `law` (first block's parameters).
 
     Parameters
     ----------
-    W : (s, s) symmetric positive definite.  b : (s,).  r0 : (s,) start of the Newton methods.
+    W : (s, s) symmetric positive definite.  b : (s,); a pyramid is aligned with its tangential part.
+    r0 : (s,) start of the iterative methods.
 
-    Returns
-    -------
-    r, u : (s,) each.
+    Raises
+    ------
+    InputError : as `local_code`.
     """
     W = np.ascontiguousarray(W, dtype=float)
     b = np.ascontiguousarray(b, dtype=float)
@@ -64,8 +108,24 @@ def solve_block(
     parameters = law.parameters(1)
     code = local_code(method, s, parameters)
     r = np.zeros(s) if r0 is None else np.array(r0, dtype=float)
-    solve_block_kernel(s, code, W, prepare(W[None])[0], b, parameters[0], 0.0, r, *scratch(s))
-    return r, W @ r + b
+    status = solve_block_kernel(s, code, W, prepare(W[None])[0], b, b, parameters[0], r, *scratch(s))
+    return BlockAnswer(r, W @ r + b, bool(status & FAILED), bool(status & USED_FAILSAFE))
 
 
-__all__ = ["LOCAL_SOLVERS", "local_code", "prepare", "solve_block"]
+def solve_block(
+    law: Law, W: np.ndarray, b: np.ndarray, method: str = "secular", r0: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(r, u), each (s,), of `answer_block`; same parameters and errors."""
+    answer = answer_block(law, W, b, method, r0)
+    return answer.r, answer.u
+
+
+__all__ = [
+    "LOCAL_SOLVERS",
+    "BlockAnswer",
+    "LocalCounts",
+    "answer_block",
+    "local_code",
+    "prepare",
+    "solve_block",
+]

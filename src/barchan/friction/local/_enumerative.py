@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 
@@ -148,8 +147,3 @@ def solve_enumerative(s, w, b, mu, zeta, r, q, work):
                 r[j] = (q[j, 0] + a * (q[j, 1] + a * q[j, 2])) / determinant
             return True
     return False
-
-
-def enumerative_scratch(s: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scratch arrays of `solve_enumerative` for block size `s`."""
-    return np.empty((s, 3)), np.empty((4, 8))

@@ -1,172 +1,166 @@
 """Optimistic nonsmooth Newton on the second-order-cone Fischer-Burmeister function (seed B 4.1.1, B.1, Algorithm B.1).
 
-Works on one block u = W r + b of any size, without shear or tensile yield. Cost: O(s^3) per Newton step.
+Works on one block u = W r + b of any size, without shear or tensile yield; MFB of Table 4.3. The Newton system is
+multiplied by L_z, which spares its inverse. Cost: O(s^3) per Newton step.
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
+from barchan.friction.local._dense import solve_dense
+
 _CURVATURE = 1e-2
+_INTERIOR = 1e-28
 
 
 @njit(cache=True, error_model="numpy")
-def _solve_dense(s, a, x):
-    """Gaussian elimination with partial pivoting in place: a x = x; False when singular."""
-    for k in range(s):
-        pivot = k
-        for i in range(k + 1, s):
-            if abs(a[i, k]) > abs(a[pivot, k]):
-                pivot = i
-        if a[pivot, k] == 0.0:
-            return False
-        if pivot != k:
-            for j in range(k, s):
-                a[k, j], a[pivot, j] = a[pivot, j], a[k, j]
-            x[k], x[pivot] = x[pivot], x[k]
-        for i in range(k + 1, s):
-            factor = a[i, k] / a[k, k]
-            for j in range(k + 1, s):
-                a[i, j] -= factor * a[k, j]
-            x[i] -= factor * x[k]
-    for k in range(s - 1, -1, -1):
-        for j in range(k + 1, s):
-            x[k] -= a[k, j] * x[j]
-        x[k] /= a[k, k]
-    return True
-
-
-@njit(cache=True, error_model="numpy")
-def _arrow_solve(s, z, x):
-    """x <- L_z^{-1} x for the arrow matrix L_z = [[z_N, z_T'], [z_T, z_N I]]."""
-    square = 0.0
-    dot = 0.0
-    for j in range(1, s):
-        square += z[j] * z[j]
-        dot += z[j] * x[j]
-    determinant = z[0] * z[0] - square
-    first = (z[0] * x[0] - dot) / determinant
-    for j in range(1, s):
-        x[j] = (x[j] - z[j] * first) / z[0]
-    x[0] = first
+def _hat_variables(s, w, b, mu, zeta, rho, r, u, x, y):
+    """x = (mu r_N; r_T), y = rho (u_N + (mu - zeta) |u_T|; mu u_T) of u = W r + b (4.2); returns |u_T|."""
+    slip = 0.0
+    for i in range(s):
+        value = b[i]
+        for j in range(s):
+            value += w[i, j] * r[j]
+        u[i] = value
+        if i > 0:
+            slip += value * value
+            x[i] = r[i]
+            y[i] = rho * mu * value
+    slip = math.sqrt(slip)
+    x[0] = mu * r[0]
+    y[0] = rho * (u[0] + (mu - zeta) * slip)
+    return slip
 
 
 @njit(cache=True, error_model="numpy")
 def _function(s, x, y, z, f):
-    """f = z - x - y with z = (x o x + y o y)^(1/2); returns the smaller eigenvalue of x o x + y o y, to full precision.
+    """f = z - x - y with z = (x o x + y o y)^(1/2); returns |f|^2 and the smaller eigenvalue of z o z, to full precision.
 
     det z = sqrt(lambda_1 lambda_2) comes from a sum of squares; the seed's difference for lambda_1 loses half the digits.
     """
-    square = 0.0
+    square = x[0] * x[0] + y[0] * y[0]
+    lorentz = square
     length = 0.0
-    lorentz = x[0] * x[0] + y[0] * y[0]
     cross = 0.0
-    for j in range(s):
-        square += x[j] * x[j] + y[j] * y[j]
     for j in range(1, s):
         z[j] = x[0] * x[j] + y[0] * y[j]
         length += z[j] * z[j]
-        lorentz -= x[j] * x[j] + y[j] * y[j]
+        parts = x[j] * x[j] + y[j] * y[j]
+        square += parts
+        lorentz -= parts
         cross += (x[0] * y[j] - y[0] * x[j]) ** 2
     high = math.sqrt(square + 2.0 * math.sqrt(length))
     low = math.sqrt(lorentz * lorentz + 4.0 * cross) / high if high > 0.0 else 0.0
     z[0] = 0.5 * (low + high)
+    inverse = 1.0 / z[0] if z[0] > 0.0 else 0.0
+    f[0] = z[0] - x[0] - y[0]
+    error = f[0] * f[0]
     for j in range(1, s):
-        z[j] = z[j] / z[0] if z[0] > 0.0 else 0.0
-    for j in range(s):
+        z[j] *= inverse
         f[j] = z[j] - x[j] - y[j]
-    return low * low
+        error += f[j] * f[j]
+    return error, low * low
 
 
 @njit(cache=True, error_model="numpy")
-def solve_fischer_burmeister(s, w, b, mu, zeta, r, tolerance, max_steps, work, matrix):
+def _newton_matrix(s, w, mu, zeta, rho, u, slip, x, y, z, interior, matrix):
+    """(L_x - L_z) dx/dr + (L_y - L_z) dy/dr, that is L_z times the Jacobian; on the boundary seed B's element, unscaled."""
+    p, q = x[0] - z[0], y[0] - z[0]
+    if not interior:
+        boundary = math.sqrt(x[0] * x[0] + y[0] * y[0])
+        p = x[0] / boundary - 1.0 if boundary > 0.0 else -1.0
+        q = y[0] / boundary - 1.0 if boundary > 0.0 else 0.0
+    tilt = (mu - zeta) / slip if slip > 0.0 else 0.0
+    for j in range(s):
+        head = w[0, j]
+        for i in range(1, s):
+            head += tilt * u[i] * w[i, j]
+        head *= rho
+        matrix[0, j] = q * head
+        for i in range(1, s):
+            tail = rho * mu * w[i, j]
+            matrix[i, j] = q * tail
+            if interior:
+                arm = y[i] - z[i]
+                matrix[0, j] += arm * tail
+                matrix[i, j] += arm * head
+        if j > 0:
+            matrix[j, j] += p
+            if interior:
+                matrix[0, j] += x[j] - z[j]
+    matrix[0, 0] += mu * p
+    if interior:
+        for i in range(1, s):
+            matrix[i, 0] += mu * (x[i] - z[i])
+
+
+@njit(cache=True, error_model="numpy")
+def _right_hand_side(s, z, f, interior, matrix, step, g):
+    """step = -L_z f (or -f on the boundary); returns |J' f|^2, J being the Jacobian itself. Scratch `g` (s,)."""
+    for i in range(s):
+        step[i] = -f[i]
+        g[i] = f[i]
+    if interior:
+        cross = 0.0
+        square = 0.0
+        for i in range(1, s):
+            cross += z[i] * f[i]
+            square += z[i] * z[i]
+            step[i] = -z[0] * f[i] - z[i] * f[0]
+        step[0] = -z[0] * f[0] - cross
+        # g = L_z^-1 f, so that J' f = matrix' g.
+        g[0] = (z[0] * f[0] - cross) / (z[0] * z[0] - square)
+        inverse = 1.0 / z[0]
+        for i in range(1, s):
+            g[i] = (f[i] - z[i] * g[0]) * inverse
+    gradient = 0.0
+    for j in range(s):
+        value = 0.0
+        for i in range(s):
+            value += matrix[i, j] * g[i]
+        gradient += value * value
+    return gradient
+
+
+@njit(cache=True, error_model="numpy")
+def solve_fischer_burmeister(s, w, b, mu, zeta, r, tolerance, floor, max_steps, rows, matrix):
     """Newton from the given `r` (s,), overwritten by the best iterate; returns its error |f|.
 
-    Scratch `work` (9, s), `matrix` (s, s). The hat variables are (mu r_N; r_T) and rho (u_N + s(u); mu u_T), rho = s / Tr W.
+    `w` (s, s), `b` (s,), mu > 0; scratch rows 1 to 8 of `rows`, `matrix` (s, s) or larger. One step is made unless
+    |f| <= `floor`, more until |f| <= `tolerance`; both in the unit of r.
     """
     trace = 0.0
     for j in range(s):
         trace += w[j, j]
     rho = s / trace
-    x, y, z, f = work[0], work[1], work[2], work[3]
-    u, best, column, other, gradient = work[4], work[5], work[6], work[7], work[8]
-    best[:] = r
+    x, y, z, f, u, best, step = rows[1], rows[2], rows[3], rows[4], rows[5], rows[6], rows[7]
     best_error = math.inf
+    enough = floor * floor
     for _ in range(max_steps):
-        slip = 0.0
-        for i in range(s):
-            u[i] = b[i]
-            for j in range(s):
-                u[i] += w[i, j] * r[j]
-            if i > 0:
-                slip += u[i] * u[i]
-        slip = math.sqrt(slip)
-        x[0] = mu * r[0]
-        y[0] = rho * (u[0] + (mu - zeta) * slip)
-        for j in range(1, s):
-            x[j] = r[j]
-            y[j] = rho * mu * u[j]
-        small = _function(s, x, y, z, f)
-        error = 0.0
-        for j in range(s):
-            error += f[j] * f[j]
-        error = math.sqrt(error)
+        slip = _hat_variables(s, w, b, mu, zeta, rho, r, u, x, y)
+        error, small = _function(s, x, y, z, f)
         if error < best_error:
             best_error = error
-            best[:] = r
-        if error <= tolerance:
+            for j in range(s):
+                best[j] = r[j]
+        if not error > enough:
             break
-        interior = small > 1e-28 * z[0] * z[0]
-        boundary = math.sqrt(x[0] * x[0] + y[0] * y[0])
-        for j in range(s):
-            # Columns of d(hat r)/d r_j and d(hat u)/d r_j.
-            for i in range(s):
-                column[i] = 0.0
-                other[i] = rho * (mu if i > 0 else 1.0) * w[i, j]
-            column[j] = mu if j == 0 else 1.0
-            if slip > 0.0:
-                for i in range(1, s):
-                    other[0] += rho * (mu - zeta) * u[i] / slip * w[i, j]
-            if interior:
-                gradient[0] = 0.0
-                for i in range(s):
-                    gradient[0] += x[i] * column[i] + y[i] * other[i]
-                for i in range(1, s):
-                    gradient[i] = x[0] * column[i] + x[i] * column[0] + y[0] * other[i] + y[i] * other[0]
-                _arrow_solve(s, z, gradient)
-                for i in range(s):
-                    matrix[i, j] = gradient[i] - column[i] - other[i]
-            else:
-                for i in range(s):
-                    matrix[i, j] = (
-                        (x[0] / boundary - 1.0) * column[i] + (y[0] / boundary - 1.0) * other[i]
-                        if boundary > 0.0
-                        else -column[i]
-                    )
-        descent = 0.0
-        gradient_norm = 0.0
-        step_norm = 0.0
-        for j in range(s):
-            gradient[j] = 0.0
-            for i in range(s):
-                gradient[j] += matrix[i, j] * f[i]
-            column[j] = -f[j]
-            gradient_norm += gradient[j] * gradient[j]
-        if not _solve_dense(s, matrix, column):
+        enough = tolerance * tolerance
+        interior = small > _INTERIOR * z[0] * z[0]
+        _newton_matrix(s, w, mu, zeta, rho, u, slip, x, y, z, interior, matrix)
+        gradient = _right_hand_side(s, z, f, interior, matrix, step, rows[8])
+        if not solve_dense(s, matrix, step):
             break
+        length = 0.0
         for j in range(s):
-            descent += column[j] * gradient[j]
-            step_norm += column[j] * column[j]
-        damping = 0.5 if descent > -_CURVATURE * math.sqrt(step_norm * gradient_norm) else 1.0
+            length += step[j] * step[j]
+        # <step, J' f> = -|f|^2: a bad direction is one in which the error hardly decreases.
+        damping = 0.5 if error * error < _CURVATURE * _CURVATURE * length * gradient else 1.0
         for j in range(s):
-            r[j] += damping * column[j]
-    r[:] = best
-    return best_error
-
-
-def fischer_burmeister_scratch(s: int) -> tuple[np.ndarray, np.ndarray]:
-    """Scratch arrays of `solve_fischer_burmeister` for block size `s`."""
-    return np.empty((9, s)), np.empty((s, s))
+            r[j] += damping * step[j]
+    for j in range(s):
+        r[j] = best[j]
+    return math.sqrt(best_error)

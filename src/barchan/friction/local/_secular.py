@@ -15,8 +15,8 @@ from numba import njit
 _MAX_STEPS = 60
 _PRECISION = 1e-13
 _NO_FRICTION = 1e-14
-_MAX_DOUBLINGS = 100
-_MAX_BISECTIONS = 200
+_MAX_DILATANT = 260
+_FARTHEST = 1e30
 
 
 def local_width(s: int) -> int:
@@ -96,6 +96,18 @@ def _slide(s, local, c, normal_start, mu, sigma, a0, t):
     high = math.inf
     a = a0 if a0 > 0.0 else 0.0
     normal = 0.0
+    if s == 2:
+        # One tangential direction: its sign is known and the equation is linear.
+        side = 1.0 if c[0] > 0.0 else -1.0
+        pivot = 1.0 - side * local[1] * mu
+        if pivot > 0.0:
+            normal = (normal_start + side * local[1] * sigma) / pivot
+            radius = sigma + mu * normal
+            a = abs(c[0]) / radius - local[2]
+            if radius > 0.0 and a >= 0.0:
+                t[0] = -side * radius
+                return a, normal
+            a = 0.0
     for _ in range(_MAX_STEPS):
         normal = normal_start
         square = 0.0
@@ -129,69 +141,115 @@ def _slide(s, local, c, normal_start, mu, sigma, a0, t):
 
 
 @njit(cache=True, error_model="numpy")
-def _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, t):
+def _gap(a, s, local, c, normal_start, mu, sigma, zeta, side):
+    """Side P - |T| of a dilatant block, its slope and a_eff, with P = D q, T = D r_T and D = 1 - a mu zeta S free of the pole.
+
+    Returns (gap, slope, |T|, the harmonic mean of the lambda_j + a weighted by T_j^2).
+    """
+    head, head_slope = sigma + mu * normal_start, 0.0
+    spread, spread_slope = 1.0 / local[0], 0.0
+    for j in range(s - 1):
+        inverse = 1.0 / (local[s + j] + a)
+        term = mu * local[1 + j] * c[j] * inverse
+        head += term
+        head_slope -= term * inverse
+        term = local[1 + j] * local[1 + j] * inverse
+        spread += term
+        spread_slope -= term * inverse
+    scale = 1.0 - a * zeta * mu * spread
+    scale_slope = -zeta * mu * (spread + a * spread_slope)
+    drift, drift_slope = zeta * a * head, zeta * (head + a * head_slope)
+    square = 0.0
+    cross = 0.0
+    weighted = 0.0
+    for j in range(s - 1):
+        inverse = 1.0 / (local[s + j] + a)
+        tail = -(c[j] * scale + local[1 + j] * drift) * inverse
+        cross -= tail * (c[j] * scale_slope + local[1 + j] * drift_slope + tail) * inverse
+        square += tail * tail
+        weighted += tail * tail * inverse
+    length = math.sqrt(square)
+    return side * head - length, side * head_slope - cross / length, length, square / weighted
+
+
+@njit(cache=True, error_model="numpy")
+def _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, a0, t):
     """Sliding root with dilatancy (mu, zeta > 0), on the side of the pole where the radius is positive: (a, r_N).
 
-    r_N = -inf when there is none: the block then sits on the truncation.
+    Newton on the gap times (lambda + a), which is linear for an isotropic block, kept in a bracket; bisection if it dawdles.
+    r_N = -inf when there is no root: the block then sits on the truncation.
     """
     pole = _pole(s, local, mu * zeta)
-    numerator = normal_start
+    head = sigma + mu * normal_start
     for j in range(s - 1):
-        numerator += local[1 + j] * c[j] / (local[s + j] + pole)
-    left = sigma + mu * numerator > 0.0
-    low, high = (0.0, pole) if left else (pole, 2.0 * pole)
+        head += mu * local[1 + j] * c[j] / (local[s + j] + pole)
+    left = head > 0.0
     if not left:
-        found = False
-        for _ in range(_MAX_DOUBLINGS):
-            radius, length, _ = _evaluate(high, s, local, c, normal_start, mu, sigma, zeta, t)
-            if radius <= length:
-                found = True
-                break
-            low = high
-            high *= 2.0
-        if not found:
+        # Towards a = inf: without a change of sign the cone does not meet the block.
+        head = sigma + mu * normal_start
+        square = 0.0
+        for j in range(s - 1):
+            square += (zeta * (mu * c[j] / local[0] - local[1 + j] * head)) ** 2
+        if -head > math.sqrt(square):
             return 0.0, -math.inf
-    a = 0.5 * (low + high)
-    normal = 0.0
-    for _ in range(_MAX_BISECTIONS):
-        radius, length, normal = _evaluate(a, s, local, c, normal_start, mu, sigma, zeta, t)
-        if (radius > length) == left:
+    side = 1.0 if left else -1.0
+    low, high = (0.0, pole) if left else (pole, math.inf)
+    a = a0 if low < a0 < high else 0.0 if left else 2.0 * pole
+    for step in range(_MAX_DILATANT):
+        gap, slope, length, shifted = _gap(a, s, local, c, normal_start, mu, sigma, zeta, side)
+        if (gap > 0.0) == left:
             high = a
         else:
             low = a
-        trial = 0.5 * (low + high)
-        if high - low <= 4e-16 * high or trial == a:
+        if abs(gap) <= _PRECISION * length or low >= high * (1.0 - 4e-16):
+            break
+        trial = a - gap / (slope + gap / shifted)
+        if step >= _MAX_STEPS or not (low < trial < high):
+            if high == math.inf and low > _FARTHEST * pole:
+                return 0.0, -math.inf
+            trial = 0.5 * (low + high) if high < math.inf else 2.0 * low
+        if trial == a:
             break
         a = trial
+    _, _, normal = _evaluate(a, s, local, c, normal_start, mu, sigma, zeta, t)
     return a, normal
 
 
 @njit(cache=True, error_model="numpy")
 def _slide_detached(s, local, c, mean, sigma, t):
-    """|r_T| <= sigma with r_N = 0 (truncation face and rim): tangential minimiser of the block, radius sigma; returns a."""
-    low, high, a = 0.0, math.inf, 0.0
-    for _ in range(200):
-        projection = 0.0
+    """|r_T| <= sigma with r_N = 0 (truncation face and rim): tangential minimiser of the block, radius sigma; returns a.
+
+    1/|r_T(a)| is concave and increasing: Newton climbs to 1/sigma from the left without overshooting. The inverse of
+    W_TT + a = T + a + W_NN l l' is written with differences of products, which nearly singular blocks need.
+    """
+    a = 0.0
+    for _ in range(_MAX_STEPS):
         spread = 1.0
         for j in range(s - 1):
-            inverse = 1.0 / (local[s + j] + a)
-            full = c[j] + local[1 + j] * mean
-            projection += local[1 + j] * full * inverse
-            spread += local[0] * local[1 + j] * local[1 + j] * inverse
+            spread += local[0] * local[1 + j] * local[1 + j] / (local[s + j] + a)
         square = 0.0
+        decay = 0.0
         for j in range(s - 1):
             full = c[j] + local[1 + j] * mean
-            t[j] = -(full - local[0] * local[1 + j] * projection / spread) / (local[s + j] + a)
+            total = full
+            for k in range(s - 1):
+                weight = local[0] * local[1 + k] / (local[s + k] + a)
+                total += weight * (local[1 + k] * c[j] - local[1 + j] * c[k])
+            inverse = 1.0 / (local[s + j] + a)
+            t[j] = -total * inverse / spread
             square += t[j] * t[j]
-        if square <= sigma * sigma:
-            if a == 0.0:
-                return a
-            high = a
-        else:
-            low = a
-        if high < math.inf and high - low <= 1e-15 * high:
+            decay += t[j] * t[j] * inverse
+            for k in range(j):
+                turn = local[1 + k] * t[j] - local[1 + j] * t[k]
+                decay += local[0] * turn * turn * inverse / (local[s + k] + a)
+        # decay / spread = r_T . (W_TT + a)^-1 r_T = -d|r_T|^2/da / 2.
+        length = math.sqrt(square)
+        if length <= sigma * (1.0 + _PRECISION):
             break
-        a = 0.5 * (low + high) if high < math.inf else 2.0 * a + local[2 * s - 2]
+        step = (length / sigma - 1.0) * square * spread / decay
+        if not step > 1e-16 * a:
+            break
+        a += step
     return a
 
 
@@ -240,7 +298,7 @@ def solve_secular(s, local, b, mu, sigma, tau, zeta, a0, r, c, t):
                 normal = 0.0
             if not detached:
                 if zeta > 0.0:
-                    a, normal = _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, t)
+                    a, normal = _slide_dilatant(s, local, c, normal_start, mu, sigma, zeta, a0, t)
                 else:
                     a, normal = _slide(s, local, c, normal_start, mu, sigma, a0, t)
                 if sigma > 0.0 and not normal >= 0.0:

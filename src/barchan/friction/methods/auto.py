@@ -1,50 +1,30 @@
-"""The automatic method: a portfolio of solvers that share one iterate, work going to whichever reduces the residual fastest.
+"""The automatic method: sweeps, Newton and interior points where each pays, chosen by structure and progress (docs/solvers.md).
 
-Gauss-Seidel removes local errors and copes with high friction, ASPG carries pressure across the whole system but may stall
-on the non-associated coupling. Choices depend on residuals and iteration counts only, never on clocks: runs are reproducible.
+Choices depend on sizes, residuals and counts only, never on clocks: runs are reproducible.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
-from barchan.friction.methods.aspg import aspg
-from barchan.friction.methods.gauss_seidel import can_sweep, gauss_seidel
+from barchan.friction.methods._island_solver import LARGEST_NEWTON, IslandSolver
+from barchan.friction.methods._portfolio import portfolio
+from barchan.friction.methods.apgd import apgd
+from barchan.friction.methods.gauss_seidel import PARALLEL_BLOCKS
+from barchan.friction.methods.interior_point import interior_point
+from barchan.friction.methods.newton import newton_fischer_burmeister
+from barchan.friction.operators import LARGEST_DENSE_DELASSUS, StoredDelassus, build_operator
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Recorder
 
-DEFAULT_WORK = 40_000
-CHUNK = 100
-FIRST_RETRY = 4
-NEARLY_BEST = 2.0
-
-
-@dataclass
-class _Member:
-    """A solver of the portfolio and how well it did when last asked.
-
-    cost : work of an iteration, in Gauss-Seidel sweeps.  rate : logarithm of the residual gained per unit of work.
-    chunk : iterations it gets when asked (doubled each time they gain nothing, so that it does not repeat itself).
-    idle : chunks since it was asked.  patience : chunks after which it is asked again (doubled each time it disappoints).
-    """
-
-    run: Callable[..., None]
-    cost: float
-    options: dict[str, Any]
-    rate: float = math.inf
-    chunk: int = CHUNK
-    idle: int = 0
-    patience: int = FIRST_RETRY
-
-    @property
-    def promise(self) -> float:
-        """What to expect: the last rate, or a fresh chance after a while."""
-        return math.inf if self.idle >= self.patience else self.rate
+DEFAULT_WORK = 3_000_000
+FIRST_SWEEPS = 10
+SWEEPS = 500
+NEWTON_BUDGET = 60
+ATTEMPTS = 7
+INTERIOR_STEPS = 60
+STARTS = (150, 30, 70, 10)
+INTERIOR_SIZE = 60_000
 
 
 def auto(
@@ -55,45 +35,80 @@ def auto(
     operator: str = "auto",
     min_iterations: int = 0,
 ) -> None:
-    """Solve from `r0` (n, s) with Gauss-Seidel and ASPG in turns of CHUNK iterations or more.
+    """Solve from `r0` (n, s).
 
     max_iterations : bound on the work, in Gauss-Seidel sweeps.  min_iterations : sweeps made in any case.
     """
-    members = [_Member(aspg, 1.5, {"operator": operator})]
-    if can_sweep(problem):
-        members.insert(
-            0, _Member(gauss_seidel, 1.0, {"operator": operator, "min_iterations": min_iterations})
-        )
-    budget = float(DEFAULT_WORK if max_iterations is None else max_iterations)
-    start = r0
-    while True:
-        member = max(members, key=lambda m: m.promise)
-        before = recorder.best_residual
-        count = max(0, min(member.chunk, int(budget / member.cost)))
-        member.run(problem, recorder, start, max_iterations=count, **member.options)
-        member.options.pop("min_iterations", None)
+    budget = DEFAULT_WORK if max_iterations is None else max_iterations
+    delassus = build_operator(problem, "explicit" if _small(problem, operator) else operator)
+    if isinstance(delassus, StoredDelassus) and problem.n < PARALLEL_BLOCKS:
+        _by_islands(problem, recorder, IslandSolver(problem, delassus, r0), budget, min_iterations)
+        return
+    portfolio(problem, recorder, r0, max_iterations, operator, min_iterations)
+    if _finished(recorder) or recorder.best is None or max_iterations is not None:
+        return
+    if isinstance(delassus, StoredDelassus):
         recorder.begin_next()
-        budget -= count * member.cost
-        if recorder.best_residual <= recorder.tolerance or recorder.stopped or budget < members[-1].cost:
+        _by_islands(problem, recorder, IslandSolver(problem, delassus, recorder.best), budget, 0)
+    elif problem.n * problem.s <= INTERIOR_SIZE:
+        recorder.begin_next()
+        interior_point(problem, recorder, recorder.best)
+
+
+def _small(problem: Problem, operator: str) -> bool:
+    """Whether W is as well stored, so that the problem falls into islands."""
+    lumped = not problem.is_reduced and problem.C is None and problem.factor.diagonal is not None
+    rows = problem.n * problem.s
+    return operator == "auto" and rows <= (LARGEST_NEWTON if lumped else LARGEST_DENSE_DELASSUS)
+
+
+def _finished(recorder: Recorder) -> bool:
+    return recorder.best_residual <= recorder.tolerance or recorder.stopped
+
+
+def _by_islands(
+    problem: Problem, recorder: Recorder, solver: IslandSolver, budget: float, min_iterations: int
+) -> None:
+    """Sweep all islands, then Newton on the slow ones, then longer sweeps, interior points and more Newton in turn."""
+    everything = np.arange(len(solver.sizes))
+    first = int(min(max(FIRST_SWEEPS, min_iterations), budget))
+    work = solver.sweep(everything, 0.0, first, first)
+    if recorder.record(int(work), solver.law_residual, solver.r):
+        return
+    tolerance = recorder.tolerance
+    work += solver.sweep(solver.unsolved(tolerance), tolerance, int(min(SWEEPS, max(budget - work, 0))))
+    for attempt in range(ATTEMPTS):
+        if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
             return
-        _update(members, member, before, recorder.best_residual, count)
-        start = _restart(recorder)
+        work += _attack(problem, solver, tolerance, attempt)
+        if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
+            return
+        sweeps = int(min(SWEEPS * 2 ** (attempt + 1), max(budget - work, 0)))
+        work += solver.sweep_on(solver.unsolved(tolerance), tolerance, sweeps)
+    recorder.record(int(work), solver.law_residual, solver.r)
 
 
-def _restart(recorder: Recorder) -> np.ndarray:
-    """The last iterate while it is nearly the best (it carries progress that the residual does not show), else the best."""
-    assert recorder.last is not None and recorder.best is not None
-    near = recorder.history[-1].residual <= NEARLY_BEST * recorder.best_residual
-    return (recorder.last if near else recorder.best).copy()
-
-
-def _update(members: list[_Member], asked: _Member, before: float, after: float, count: int) -> None:
-    if asked.idle >= asked.patience:
-        asked.patience *= 2
-    gained = math.log(before / after) if 0.0 < after < before < math.inf else 0.0
-    asked.rate = math.inf if before == math.inf else gained / (max(count, 1) * asked.cost)
-    asked.chunk = CHUNK if gained > 0.0 or before == math.inf else 2 * asked.chunk
-    for member in members:
-        member.idle = 0 if member is asked else member.idle + 1
-    if asked.rate >= max(m.rate for m in members):
-        asked.patience = FIRST_RETRY
+def _attack(problem: Problem, solver: IslandSolver, tolerance: float, attempt: int) -> float:
+    """One attempt at the islands that miss their share; the work, in sweeps of the whole."""
+    unsolved = solver.unsolved(tolerance)
+    large = solver.sizes[unsolved] * problem.s > LARGEST_NEWTON
+    work = 0.0
+    for island in unsolved[large]:
+        work += solver.factorisation[island] * solver.ask(interior_point, island, tolerance, INTERIOR_STEPS)
+    budget = NEWTON_BUDGET * 2**attempt
+    work += solver.newton(unsolved[~large], tolerance, budget, attempt)
+    if attempt == 0:
+        return work
+    # What the Newton does not finish: other starts, other functions, first-order patience.
+    for island in np.setdiff1d(solver.unsolved(tolerance), unsolved[large]):
+        work += solver.restart(island, tolerance, STARTS[attempt % len(STARTS)], budget, attempt)
+        for method, limit, cost in (
+            (interior_point, INTERIOR_STEPS, solver.factorisation[island]),
+            (newton_fischer_burmeister, 2 * budget, solver.factorisation[island]),
+            (apgd, 100 * budget, solver.sizes[island] / problem.n),
+        ):
+            if solver.residual[island] <= solver.allowed(tolerance)[island]:
+                break
+            if method is not interior_point or attempt == 1:
+                work += cost * solver.ask(method, island, tolerance, limit)
+    return work

@@ -13,8 +13,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from barchan.errors import InputError
-from barchan.friction._kernels import explicit_sweeps, matrix_free_sweeps, sweep_scratch
-from barchan.friction.local import local_code, prepare
+from barchan.friction._kernels import block_sweeps, sweep_scratch
+from barchan.friction.local import LocalCounts, local_code, prepare
 from barchan.friction.operators import LARGEST_DENSE_DELASSUS, LumpedDelassus, StoredDelassus, build_operator
 from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
@@ -22,6 +22,8 @@ from barchan.friction.solution import Recorder
 from barchan.linalg import BlockRows, Schedule, coloured_schedule, natural_schedule
 
 DEFAULT_SWEEPS = 10_000
+DIRECTIONS = ("alternating", "forward", "symmetric")
+OVER_RELAXATION = 1.3
 PARALLEL_BLOCKS = 1500
 GROUP_SIZE = 16
 SINGULAR = 1e-10
@@ -41,6 +43,8 @@ def gauss_seidel(
     relaxation: float = 1.0,
     check_every: int = 25,
     min_iterations: int = 0,
+    direction: str = "alternating",
+    counts: LocalCounts | None = None,
 ) -> None:
     """Sweep from `r0` (n, s), recording iterates.
 
@@ -52,7 +56,108 @@ def gauss_seidel(
     (None: when there are PARALLEL_BLOCKS blocks).  check_every : sweeps between residual evaluations (fewer at first).
     relaxation : 1 is Gauss-Seidel, more over-relaxes each block and projects it back (seed B 3.4.3).
     min_iterations : sweeps made even when the start already meets the tolerance.
+    direction : "alternating" (each sweep the other way round), "forward", or "symmetric": an iteration is then two sweeps,
+    forward and backward (seed B 3.4.3).
+    counts : receives the numbers of local solves, local failures and fail-safe calls; a kernel of its own counts them.
+
+    Raises
+    ------
+    InputError : unknown option value, relaxation outside (0, 2), or an operator that cannot be swept.
     """
+    if direction not in DIRECTIONS:
+        raise InputError("direction", direction, "one of " + ", ".join(DIRECTIONS))
+    sweeper = prepare_sweeper(problem, operator, local_solver, parallel, counts=counts)
+    sweeper.relaxation = checked_relaxation(relaxation)
+    sweeper.turning = direction != "forward"
+    run_sweeps(
+        sweeper,
+        recorder,
+        r0,
+        DEFAULT_SWEEPS if max_iterations is None else max_iterations,
+        sweeps_each=2 if direction == "symmetric" else 1,
+        sleeping=sleeping,
+        check_every=check_every,
+        min_iterations=min_iterations,
+    )
+
+
+def symmetric_gauss_seidel(
+    problem: Problem,
+    recorder: Recorder,
+    r0: np.ndarray,
+    max_iterations: int | None = None,
+    local_solver: str = "secular",
+    operator: str = "auto",
+    parallel: bool | None = None,
+    relaxation: float = 1.0,
+    check_every: int = 25,
+    counts: LocalCounts | None = None,
+) -> None:
+    """Gauss-Seidel whose iteration is a forward and a backward sweep (seed B 3.4.3); options and errors of `gauss_seidel`."""
+    gauss_seidel(
+        problem,
+        recorder,
+        r0,
+        max_iterations,
+        local_solver,
+        operator,
+        parallel=parallel,
+        relaxation=relaxation,
+        check_every=check_every,
+        direction="symmetric",
+        counts=counts,
+    )
+
+
+def sor(
+    problem: Problem,
+    recorder: Recorder,
+    r0: np.ndarray,
+    max_iterations: int | None = None,
+    relaxation: float = OVER_RELAXATION,
+    local_solver: str = "secular",
+    operator: str = "auto",
+    parallel: bool | None = None,
+    check_every: int = 25,
+    direction: str = "forward",
+    counts: LocalCounts | None = None,
+) -> None:
+    """Successive over-relaxation (seed B 3.4.3): each block moves `relaxation` times as far as its solution, then is projected.
+
+    The projection on the admissible set, which the seed does not make, keeps every iterate a force of the law. Options
+    and errors of `gauss_seidel`, but the sweeps go forward: on the sample problems that takes half the sweeps of alternating.
+    """
+    gauss_seidel(
+        problem,
+        recorder,
+        r0,
+        max_iterations,
+        local_solver,
+        operator,
+        parallel=parallel,
+        relaxation=relaxation,
+        check_every=check_every,
+        direction=direction,
+        counts=counts,
+    )
+
+
+def checked_relaxation(relaxation: float) -> float:
+    """The factor itself; InputError unless 0 < relaxation < 2."""
+    if not 0.0 < relaxation < 2.0:
+        raise InputError("relaxation", relaxation, "between 0 and 2")
+    return relaxation
+
+
+def prepare_sweeper(
+    problem: Problem,
+    operator: str,
+    local_solver: str,
+    parallel: bool | None,
+    jacobi: bool = False,
+    counts: LocalCounts | None = None,
+) -> Sweeper:
+    """What the sweeps need, set up once per problem; raises InputError when W is neither stored nor factored."""
     delassus = build_operator(
         problem, "explicit" if operator == "auto" and not _is_lumped(problem) else operator
     )
@@ -60,28 +165,39 @@ def gauss_seidel(
         raise InputError("operator", operator, "'explicit': sweeps need W or a diagonal M")
     if parallel is None:
         parallel = problem.n >= PARALLEL_BLOCKS
-    if not 0.0 < relaxation < 2.0:
-        raise InputError("relaxation", relaxation, "between 0 and 2")
-    key = ("sweeper", id(delassus), local_solver, parallel)
-    sweep = problem.prepared(key, lambda: _Sweeper(problem, delassus, local_solver, parallel))
-    sweep.relaxation = relaxation
-    r = sweep.start(r0)
-    limit = DEFAULT_SWEEPS if max_iterations is None else max_iterations
+    key = ("sweeper", id(delassus), local_solver, parallel, jacobi, counts is not None)
+    sweeper: Sweeper = problem.prepared(
+        key, lambda: Sweeper(problem, delassus, local_solver, parallel, jacobi, counts is not None)
+    )
+    sweeper.counts = counts
+    return sweeper
+
+
+def run_sweeps(
+    sweeper: Sweeper,
+    recorder: Recorder,
+    r0: np.ndarray,
+    limit: int,
+    sweeps_each: int = 1,
+    sleeping: bool = False,
+    check_every: int = 25,
+    min_iterations: int = 0,
+) -> None:
+    """Sweep from `r0` (n, s) until the recorder is content or `limit` iterations of `sweeps_each` sweeps are made."""
+    r = sweeper.start(r0)
     done = 0
     pause = 5
     while True:
-        residual, size = sweep.residual()
+        residual, size = sweeper.residual()
         if (
             recorder.record(done, residual, r) and (done >= min_iterations or recorder.stopped)
         ) or done >= limit:
             return
         count = min(pause, limit - done)
-        calm = (
-            (SLEEP_FRACTION * residual * size) ** 2 / max(problem.n, 1) if sleeping and size > 0.0 else -1.0
-        )
-        sweep.run(count, done, calm)
+        calm = (SLEEP_FRACTION * residual * size) ** 2 / len(r) if sleeping and size > 0.0 else -1.0
+        sweeper.run(count * sweeps_each, done * sweeps_each, calm)
         done += count
-        pause = min(2 * pause, check_every)
+        pause = max(min(2 * pause, check_every), 1)
 
 
 def can_sweep(problem: Problem) -> bool:
@@ -94,16 +210,24 @@ def _is_lumped(problem: Problem) -> bool:
     return not problem.is_reduced and problem.C is None and problem.factor.diagonal is not None
 
 
-class _Sweeper:
+class Sweeper:
     """State of the sweeps on one operator: forces, multipliers, sleep counters and the kernel."""
 
     def __init__(
-        self, problem: Problem, delassus: StoredDelassus | LumpedDelassus, local_solver: str, parallel: bool
+        self,
+        problem: Problem,
+        delassus: StoredDelassus | LumpedDelassus,
+        local_solver: str,
+        parallel: bool,
+        jacobi: bool,
+        counting: bool,
     ) -> None:
         self.problem = problem
         self.delassus = delassus
         self.b = np.ascontiguousarray(delassus.b)
         self.laws = problem.parameters
+        self.jacobi = jacobi
+        self.counts: LocalCounts | None = None
         code = local_code(local_solver, problem.s, self.laws)
         origin = problem.origin
         self.diagonal, self.local = origin.prepared("blocks", lambda: _decompose(delassus.diagonal_blocks))
@@ -113,22 +237,22 @@ class _Sweeper:
             lambda: _schedule(delassus, problem.n) if parallel else natural_schedule(problem.n),
         )
         self.relaxation = 1.0
+        self.turning = True
         self.scratch = sweep_scratch(self.schedule.widest, problem.s)
-        self.kernel: Callable[..., Any]
-        if isinstance(delassus, StoredDelassus):
-            self.rows: BlockRows = delassus.rows
-            self.kernel = explicit_sweeps(problem.s, code, parallel)
-        else:
-            self.rows = delassus.g
-            self.kernel = matrix_free_sweeps(problem.s, problem.velocity_block, code, parallel)
+        self.tally = np.zeros((self.schedule.widest, 8), dtype=np.int64)
+        stored = isinstance(delassus, StoredDelassus)
+        self.rows: BlockRows = delassus.rows if isinstance(delassus, StoredDelassus) else delassus.g
+        width = 0 if stored else problem.velocity_block
+        self.kernel: Callable[..., Any] = block_sweeps(problem.s, width, code, parallel, jacobi, counting)
 
     def start(self, r0: np.ndarray) -> np.ndarray:
         """Take the start (n, s) and return the array the sweeps update in place."""
         n = self.problem.n
         self.r = np.array(r0, dtype=float, order="C")
-        self.state = (self.r, np.zeros(n), np.zeros(n, dtype=np.bool_))
-        if isinstance(self.delassus, LumpedDelassus):
-            self.z = self.delassus.spread(self.r)
+        self.multiplier = np.zeros(n)
+        self.asleep = np.zeros(n, dtype=np.bool_)
+        self.z = self.delassus.spread(self.r) if isinstance(self.delassus, LumpedDelassus) else np.zeros(0)
+        self.old = (self.r.copy(), self.z.copy()) if self.jacobi else (self.r, self.z)
         return self.r
 
     def residual(self) -> tuple[float, float]:
@@ -142,23 +266,30 @@ class _Sweeper:
 
     def run(self, sweeps: int, start: int, calm: float) -> None:
         """`sweeps` more sweeps; the parity of `start` fixes the direction of the first."""
-        matrix = (self.rows.indptr, self.rows.indices, self.rows.data)
-        common = (
+        self.tally[:] = 0
+        self.kernel(
             sweeps,
             start,
+            self.turning,
             tuple(self.schedule),
-            matrix,
-            self.diagonal,
-            self.b,
-            self.local,
-            self.laws,
+            (
+                (self.rows.indptr, self.rows.indices, self.rows.data),
+                self.diagonal,
+                self.b,
+                self.local,
+                self.laws,
+            ),
             calm,
             self.relaxation,
+            (self.r, self.z, *self.old, self.multiplier, self.asleep),
+            self.tally,
+            self.scratch,
         )
-        if isinstance(self.delassus, LumpedDelassus):
-            self.kernel(*common, self.state, self.z, self.scratch)
-        else:
-            self.kernel(*common, self.state, self.scratch)
+        if self.counts is not None:
+            solves, failures, calls = self.tally[:, :3].sum(axis=0)
+            self.counts.solves += int(solves)
+            self.counts.failures += int(failures)
+            self.counts.failsafe_calls += int(calls)
 
 
 def _decompose(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
