@@ -14,7 +14,8 @@ import numpy as np
 from numba import njit
 
 from barchan.cones._kernels import natural_map_residual_squared
-from barchan.friction.local._secular import solve_secular
+from barchan.friction.local._coulomb import solve_exact
+from barchan.linalg.borrowed import borrowed
 
 
 @njit(cache=True)
@@ -104,8 +105,10 @@ def island_sweeps(S: int) -> Callable[..., float]:
     ):
         pointers, members = islands
         residual, spent = out
-        rhs, c, t = scratch[0], scratch[1], scratch[2]
-        indptr, indices, data = w
+        rhs, c, t = borrowed(scratch[0]), borrowed(scratch[1]), borrowed(scratch[2])
+        indptr, indices, data = borrowed(w[0]), borrowed(w[1]), borrowed(w[2])
+        diagonal, b, local, laws = borrowed(diagonal), borrowed(b), borrowed(local), borrowed(laws)
+        r, multiplier = borrowed(r), borrowed(multiplier)
         work = 0.0
         for island in chosen:
             start, stop = pointers[island], pointers[island + 1]
@@ -129,9 +132,7 @@ def island_sweeps(S: int) -> Callable[..., float]:
                                 for m in range(S):
                                     total += data[entry, k, m] * r[j, m]
                                 rhs[k] += total
-                        multiplier[i] = solve_secular(
-                            S, local[i], rhs, laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3], multiplier[i], r[i], c, t
-                        )  # fmt: skip
+                        multiplier[i] = solve_exact(S, i, local, rhs, laws, multiplier[i], r[i], c, t)
                     spent[island] += 1
                     done += 1
                 work += pause * (stop - start)

@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit, prange
 
 from barchan.cones._kernels import natural_map_residual_squared, project_block
+from barchan.friction.local._coulomb import solve_exact
 from barchan.friction.local._dispatch import (
     FAILED,
     LOCAL_TOLERANCE,
@@ -22,7 +23,7 @@ from barchan.friction.local._dispatch import (
     local_error,
     solve_certified,
 )
-from barchan.friction.local._secular import solve_secular
+from barchan.linalg.borrowed import borrowed
 
 FULL_SWEEP_EVERY = 11
 Kernel: TypeAlias = Callable[..., None]
@@ -110,8 +111,14 @@ def block_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool, JACOBI: bool, COUNT
     @njit(cache=True, error_model="numpy", parallel=PARALLEL, fastmath=fast)
     def kernel(sweeps, start, turning, schedule, system, calm, relaxation, state, counts, scratch):
         colour_ptr, group_ptr, order = schedule
-        matrix, diagonal, b, local, laws = system
+        (indptr, indices, data), diagonal, b, local, laws = system
+        matrix = (borrowed(indptr), borrowed(indices), borrowed(data))
+        diagonal, b, local, laws = borrowed(diagonal), borrowed(b), borrowed(local), borrowed(laws)
         r, z, old_r, old_z, multiplier, sleep = state
+        r, z, old_r, old_z = borrowed(r), borrowed(z), borrowed(old_r), borrowed(old_z)
+        multiplier, sleep, order = borrowed(multiplier), borrowed(sleep), borrowed(order)
+        first_scratch, second_scratch = borrowed(scratch[0]), borrowed(scratch[1])
+        third_scratch, fourth_scratch = borrowed(scratch[2]), borrowed(scratch[3])
         seen_r, seen_z = (old_r, old_z) if JACOBI else (r, z)
         for sweep in range(start, start + sweeps):
             backward = turning and sweep % 2 == 1
@@ -123,8 +130,8 @@ def block_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool, JACOBI: bool, COUNT
                 colour = len(colour_ptr) - 2 - place if backward else place
                 for group in prange(colour_ptr[colour], colour_ptr[colour + 1]):
                     slot = group - colour_ptr[colour] if PARALLEL else 0
-                    rhs, new = scratch[0][slot, :S], scratch[1][slot, :S]
-                    rows, matrices = scratch[2][slot], scratch[3][slot]
+                    rhs, new = first_scratch[slot, :S], second_scratch[slot, :S]
+                    rows, matrices = third_scratch[slot], fourth_scratch[slot]
                     length = group_ptr[group + 1] - group_ptr[group]
                     for position in range(length):
                         i = order[group_ptr[group] + (length - 1 - position if backward else position)]
@@ -133,9 +140,8 @@ def block_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool, JACOBI: bool, COUNT
                         _right_hand_side(S, Q, i, matrix, diagonal, b, r, seen_r, seen_z, rhs, new)
                         status = 0
                         if LOCAL == SECULAR:
-                            mu, sigma, tau, zeta = laws[i, 0], laws[i, 1], laws[i, 2], laws[i, 3]
-                            multiplier[i] = solve_secular(
-                                S, local[i], rhs, mu, sigma, tau, zeta, multiplier[i], new, rows[0], rows[1]
+                            multiplier[i] = solve_exact(
+                                S, i, local, rhs, laws, multiplier[i], new, rows[0], rows[1]
                             )
                         else:
                             status = solve_certified(

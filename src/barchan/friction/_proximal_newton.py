@@ -163,9 +163,11 @@ def proximal_newton_island(a, b, laws, weight, x, goal, eps, budget, inner, poli
 
     a (n s, n s), b (n, s), laws (n, 4) : the island in equilibrated unknowns x = r / root; weight (n,) = root^2 gives the
     squared law residual, wanted <= goal.  eps : first proximal term, relative to A (whose blocks have mean eigenvalue 1).
-    budget : factorisations.  inner : of one outer step.  Returns (squared law residual, factorisations, last eps).
+    budget : factorisations.  inner : of one outer step.  policy : (few, shrink, grow, accuracy): an outer step is solved
+    when |F| is `accuracy` of what it was; in `few` Newton steps or less the term shrinks, unsolved it grows.
+    Returns (squared law residual, factorisations, last eps).
     """
-    few, shrink, grow = policy
+    few, shrink, grow, accuracy = policy
     n, s = x.shape
     arrays = (
         np.empty((n, s)),
@@ -182,7 +184,7 @@ def proximal_newton_island(a, b, laws, weight, x, goal, eps, budget, inner, poli
         for i in range(n):
             for k in range(s):
                 unweighted += arrays[1][i, k] ** 2
-        target = (0.3 * max(0.1 * eps, 1e-3)) ** 2 * unweighted
+        target = accuracy**2 * unweighted
         trial = x.copy()
         square, made = _newton(a, b, laws, trial, eps, x, target, min(inner, budget - used), arrays)
         used += max(made, 1)
@@ -221,7 +223,7 @@ def newton_islands(chosen, islands, w, b, laws, rho, allowed, settings, r, resid
     """Proximal Newton on the islands `chosen`, in place where it improves; factorisations go to `used` (k,).
 
     w : W as block rows (indptr, indices, data).  allowed, residual (k,) : squared law residuals.
-    settings : (first proximal term, budget, steps of an outer step, policy (few, shrink, grow)).
+    settings : (first proximal term, budget, steps of an outer step, policy (few, shrink, grow, accuracy)).
     """
     indptr, indices, data = w
     term, budget, inner, policy = settings

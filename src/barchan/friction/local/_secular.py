@@ -129,9 +129,9 @@ def _slide(s, local, c, normal_start, mu, sigma, a0, t):
             high = a
         if abs(gap) <= _PRECISION * length:
             break
-        value = radius / length - 1.0
-        slope = (mu * normal_slope - radius * square_slope / square) / length
-        trial = a - value / slope if slope > 0.0 else -1.0
+        # Newton on radius / length = 1, whose slope is this over the length times `square`.
+        slope = mu * normal_slope * square - radius * square_slope
+        trial = a - gap * square / slope if slope > 0.0 else -1.0
         if not (low < trial < high):
             trial = 0.5 * (low + high) if high < math.inf else 2.0 * low + local[2 * s - 2]
         if high < math.inf and high - low <= _PRECISION * high:

@@ -21,14 +21,18 @@ from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
 
 FIRST_CHECK = 5
-FIRST_TERM = 0.1
 NEWTON_STEPS = 40
 LARGEST_NEWTON = 1500
 # Multiplications of a factorisation in the time of one of a sweep; factorisations that a Newton solve mostly takes.
 FACTOR_SPEED = 100.0
-WORTH = 12.0
-# Few Newton steps make the proximal term shrink, a failure makes it grow: (few, factor down, factor up), tried in turn.
-POLICIES = ((10, 0.2, 5.0), (6, 0.1, 10.0), (10, 0.5, 10.0))
+WORTH = 10.0
+# First proximal term and policy (few, shrink, grow, accuracy) of the attempts, tried in turn: first hasty, then thorough.
+POLICIES = (
+    (1e-3, (10, 0.1, 5.0, 0.2)),
+    (0.1, (10, 0.2, 5.0, 1e-3)),
+    (0.1, (6, 0.1, 10.0, 1e-3)),
+    (0.1, (10, 0.5, 10.0, 1e-3)),
+)
 
 
 class IslandSolver:
@@ -101,7 +105,8 @@ class IslandSolver:
         """Proximal Newton on the islands `chosen`, kept where it improves; the work, in sweeps of the whole."""
         matrix = (self.rows.indptr, self.rows.indices, self.rows.data)
         used = np.zeros(len(self.sizes), np.int64)
-        settings = (FIRST_TERM, budget, NEWTON_STEPS, POLICIES[attempt % len(POLICIES)])
+        term, policy = POLICIES[attempt % len(POLICIES)]
+        settings = (term, budget, NEWTON_STEPS, policy)
         # A singular matrix ends the attempt; what was gained on other islands is kept.
         with suppress(np.linalg.LinAlgError):
             newton_islands(
