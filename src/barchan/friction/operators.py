@@ -155,11 +155,21 @@ def _build(problem: Problem, kind: str) -> Delassus:
     if lumped and (kind == "matrix-free" or (kind == "auto" and _lumped_is_cheaper(problem))):
         return _lumped(problem, b)
     if problem.factor.inverse is not None and problem.C is None and kind != "matrix-free":
-        H = sp.csr_array(problem.H)
-        return StoredDelassus(block_rows(H @ problem.factor.inverse @ H.T, problem.s, problem.s), b)
+        return StoredDelassus(block_rows(_product(problem), problem.s, problem.s), b)
     if kind == "explicit" or (kind == "auto" and problem.n * problem.s <= LARGEST_DENSE_DELASSUS):
         return _dense(problem, b)
     return SolvedDelassus(problem, b)
+
+
+def _product(problem: Problem) -> sp.sparray:
+    """H M^-1 H^T with sparse M^-1, in whole blocks where H is stored so (several times faster)."""
+    s, q = problem.s, problem.velocity_block
+    inverse = problem.factor.inverse
+    if q > 1:
+        H = problem.H
+        return H @ sp.bsr_array(inverse, blocksize=(q, q)) @ sp.bsr_array(H.T, blocksize=(q, s))
+    H = sp.csr_array(problem.H)
+    return H @ inverse @ H.T
 
 
 def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus:

@@ -13,7 +13,8 @@ import numpy as np
 
 from barchan.friction import _barrier
 from barchan.friction.methods._newton_systems import Blocks, NewtonSystem, newton_system
-from barchan.friction.operators import Delassus, build_operator
+from barchan.friction.methods.newton import newton_de_saxce
+from barchan.friction.operators import LARGEST_DENSE_DELASSUS, Delassus, build_operator
 from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
@@ -24,6 +25,8 @@ CENTRALITY = 1e-4
 SMALLEST_CENTERING = 1e-4
 STALL_STEP = 1e-3
 STALLED_STEPS = 4
+SLOW = 0.9
+POLISHING_STEPS = 20
 
 
 def interior_point(
@@ -32,28 +35,45 @@ def interior_point(
     r0: np.ndarray,
     max_iterations: int | None = None,
     system: str = "auto",
+    polish: bool = True,
 ) -> None:
     """Follow the central path from an interior start (`r0` only enters the record: interior points need no warm start).
 
     system : "auto", "forces" (factorise W + N Theta) or "velocities" (factorise M + H^T (N Theta)^-1 H with C bordering it).
+    polish : where the path ends in rounding (without strict complementarity the residual falls as the root of the gap), go
+    on from its best point by Newton's method on the natural map, if W can be stored; its factorisations count as iterations.
     Cost of an iteration: one factorisation, four solves, two products with W.
     """
     delassus = build_operator(problem, "auto")
     rates = delassus.apply(r0) + delassus.b
     if recorder.record(0, law_residual(problem, r0, rates)[0], r0):
         return
-    path = CentralPath(problem, delassus, newton_system(problem, system))
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    done = _follow(problem, recorder, CentralPath(problem, delassus, newton_system(problem, system)), limit)
+    unsolved = recorder.best_residual > recorder.tolerance and not recorder.stopped
+    if polish and unsolved and done < limit and problem.n * problem.s <= LARGEST_DENSE_DELASSUS:
+        assert recorder.best is not None
+        recorder.begin_next()
+        newton_de_saxce(problem, recorder, recorder.best, max_iterations=min(limit - done, POLISHING_STEPS))
+
+
+def _follow(problem: Problem, recorder: Recorder, path: CentralPath, limit: int) -> int:
+    """Steps along the path until solved, stalled or at the limit; how many."""
     stalled = 0
     for iteration in range(1, limit + 1):
         step = path.advance()
         if step is None:
-            return
+            return iteration
         r = path.forces()
-        residual = law_residual(problem, r, delassus.apply(r) + delassus.b)[0]
-        stalled = stalled + 1 if step < STALL_STEP else 0
-        if not math.isfinite(residual) or recorder.record(iteration, residual, r) or stalled >= STALLED_STEPS:
-            return
+        rates = path.delassus.apply(r) + path.delassus.b
+        residual = law_residual(problem, r, rates)[0]
+        gained = residual < SLOW * recorder.best_residual
+        stalled = 0 if gained and step > STALL_STEP else stalled + 1
+        if not math.isfinite(residual) or recorder.record(iteration, residual, r):
+            return iteration
+        if stalled >= STALLED_STEPS:
+            return iteration
+    return limit
 
 
 class CentralPath:
