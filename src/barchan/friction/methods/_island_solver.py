@@ -25,7 +25,7 @@ NEWTON_STEPS = 40
 LARGEST_NEWTON = 1500
 # Multiplications of a factorisation in the time of one of a sweep; factorisations that a Newton solve mostly takes.
 FACTOR_SPEED = 100.0
-WORTH = 10.0
+WORTH = 5.0
 # First proximal term and policy (few, shrink, grow, accuracy) of the attempts, tried in turn: first hasty, then thorough.
 POLICIES = (
     (1e-3, (10, 0.1, 5.0, 0.2)),

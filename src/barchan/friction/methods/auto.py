@@ -23,6 +23,7 @@ SWEEPS = 500
 NEWTON_BUDGET = 60
 ATTEMPTS = 7
 INTERIOR_STEPS = 60
+FIRST_STARTS = (5, 20)
 STARTS = (150, 30, 70, 10)
 INTERIOR_SIZE = 60_000
 
@@ -98,6 +99,9 @@ def _attack(problem: Problem, solver: IslandSolver, tolerance: float, attempt: i
     budget = NEWTON_BUDGET * 2**attempt
     work += solver.newton(unsolved[~large], tolerance, budget, attempt)
     if attempt == 0:
+        for sweeps in FIRST_STARTS:
+            for island in np.setdiff1d(solver.unsolved(tolerance), unsolved[large]):
+                work += solver.restart(island, tolerance, sweeps, 2 * budget, attempt)
         return work
     # What the Newton does not finish: other starts, other functions, first-order patience.
     for island in np.setdiff1d(solver.unsolved(tolerance), unsolved[large]):
