@@ -133,7 +133,8 @@ class Problem:
         given: dict[str, Any] = dict.fromkeys(field.name for field in fields(self))
         given |= {"W": W, "b": b.reshape(-1), "law": self.law.take(blocks), "block_size": self.s}
         given["reference_force"] = self.reference_force
-        other.__dict__.update(given)
+        # The metric of the whole: with bilateral constraints it does not follow from the part's W.
+        other.__dict__.update(given, rho=self.rho[blocks])
         return other
 
     @cached_property

@@ -37,8 +37,8 @@ class BlockRows:
 def block_rows(matrix: sp.sparray | sp.spmatrix | np.ndarray, s: int, q: int) -> BlockRows:
     """Cut a (n s, c q) matrix into s x q blocks (blocks without entries dropped), sorted by column. Cost O(entries)."""
     if _is_bsr(matrix, s, q):
-        bsr = sp.bsr_array(matrix)
-        bsr.sort_indices()
+        bsr = sp.bsr_array(matrix, copy=True)
+        bsr.sum_duplicates()
         data = np.ascontiguousarray(bsr.data, dtype=float)
         return BlockRows(bsr.indptr.astype(np.int32), bsr.indices.astype(np.int32), data, bsr.shape[1] // q)
     csr: Any = matrix if sp.issparse(matrix) and matrix.format == "csr" else sp.csr_array(matrix)  # type: ignore[union-attr]

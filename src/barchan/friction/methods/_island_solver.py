@@ -101,8 +101,8 @@ class IslandSolver:
         )  # fmt: skip
         return float(work) / self.problem.n
 
-    def newton(self, chosen: np.ndarray, tolerance: float, budget: int, attempt: int) -> float:
-        """Proximal Newton on the islands `chosen`, kept where it improves; the work, in sweeps of the whole."""
+    def newton(self, chosen: np.ndarray, tolerance: float, budget: int, attempt: int) -> np.ndarray:
+        """Proximal Newton on the islands `chosen`, kept where it improves; the factorisations (k,) of each island."""
         matrix = (self.rows.indptr, self.rows.indices, self.rows.data)
         used = np.zeros(len(self.sizes), np.int64)
         term, policy = POLICIES[attempt % len(POLICIES)]
@@ -113,7 +113,7 @@ class IslandSolver:
                 chosen, self.islands, matrix, self.b, self.laws, self.rho, self.allowed(tolerance), settings,
                 self.r, self.residual, used,
             )  # fmt: skip
-        return float(used @ self.factorisation)
+        return used
 
     def ask(self, method: Callable[..., None], island: int, tolerance: float, limit: int) -> float:
         """Another method on one island from its forces, kept if it improves; its iterations."""
@@ -136,7 +136,7 @@ class IslandSolver:
         self.r[blocks], self.multiplier[blocks] = 0.0, 0.0
         chosen = np.array([island])
         work = self.sweep(chosen, 0.0, sweeps, sweeps)
-        work += self.newton(chosen, tolerance, budget, attempt)
+        work += float(self.newton(chosen, tolerance, budget, attempt) @ self.factorisation)
         self.accept(island, forces, residual)
         return work
 

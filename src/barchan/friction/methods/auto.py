@@ -5,6 +5,8 @@ Choices depend on sizes, residuals and counts only, never on clocks: runs are re
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from barchan.friction.methods._island_solver import LARGEST_NEWTON, IslandSolver
@@ -72,47 +74,76 @@ def _by_islands(
 ) -> None:
     """Sweep all islands, then Newton on the slow ones, then longer sweeps, interior points and more Newton in turn."""
     everything = np.arange(len(solver.sizes))
+    tolerance = recorder.tolerance
+    solver.sweep(everything, 0.0, 0)
+    if recorder.record(0, solver.law_residual, solver.r) and (min_iterations == 0 or recorder.stopped):
+        return
     first = int(min(max(FIRST_SWEEPS, min_iterations), budget))
     work = solver.sweep(everything, 0.0, first, first)
-    if recorder.record(int(work), solver.law_residual, solver.r):
+    if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
         return
-    tolerance = recorder.tolerance
-    work += solver.sweep(solver.unsolved(tolerance), tolerance, int(min(SWEEPS, max(budget - work, 0))))
+    work += solver.sweep(solver.unsolved(tolerance), tolerance, int(min(SWEEPS, budget - work)))
     for attempt in range(ATTEMPTS):
         if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
             return
-        work += _attack(problem, solver, tolerance, attempt)
+        work += _Attack(problem, solver, tolerance, budget - work).run(attempt)
         if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
             return
-        sweeps = int(min(SWEEPS * 2 ** (attempt + 1), max(budget - work, 0)))
+        sweeps = int(min(SWEEPS * 2 ** (attempt + 1), budget - work))
         work += solver.sweep_on(solver.unsolved(tolerance), tolerance, sweeps)
     recorder.record(int(work), solver.law_residual, solver.r)
 
 
-def _attack(problem: Problem, solver: IslandSolver, tolerance: float, attempt: int) -> float:
-    """One attempt at the islands that miss their share; the work, in sweeps of the whole."""
-    unsolved = solver.unsolved(tolerance)
-    large = solver.sizes[unsolved] * problem.s > LARGEST_NEWTON
-    work = 0.0
-    for island in unsolved[large]:
-        work += solver.factorisation[island] * solver.ask(interior_point, island, tolerance, INTERIOR_STEPS)
-    budget = NEWTON_BUDGET * 2**attempt
-    work += solver.newton(unsolved[~large], tolerance, budget, attempt)
-    if attempt == 0:
-        for sweeps in FIRST_STARTS:
-            for island in np.setdiff1d(solver.unsolved(tolerance), unsolved[large]):
-                work += solver.restart(island, tolerance, sweeps, 2 * budget, attempt)
-        return work
-    # What the Newton does not finish: other starts, other functions, first-order patience.
-    for island in np.setdiff1d(solver.unsolved(tolerance), unsolved[large]):
-        work += solver.restart(island, tolerance, STARTS[attempt % len(STARTS)], budget, attempt)
-        for method, limit, cost in (
-            (interior_point, INTERIOR_STEPS, solver.factorisation[island]),
-            (newton_fischer_burmeister, 2 * budget, solver.factorisation[island]),
-            (apgd, 100 * budget, solver.sizes[island] / problem.n),
-        ):
-            if solver.residual[island] <= solver.allowed(tolerance)[island]:
-                break
-            if method is not interior_point or attempt == 1:
-                work += cost * solver.ask(method, island, tolerance, limit)
-    return work
+class _Attack:
+    """One attempt at the islands that miss their share; `work` counts sweeps of the whole and stays below `allowance`."""
+
+    def __init__(self, problem: Problem, solver: IslandSolver, tolerance: float, allowance: float) -> None:
+        self.problem, self.solver, self.tolerance = problem, solver, tolerance
+        self.allowance = allowance
+        self.work = 0.0
+
+    def run(self, attempt: int) -> float:
+        """Newton on all open islands; then, for those it does not finish, other starts, functions and methods."""
+        solver = self.solver
+        unsolved = solver.unsolved(self.tolerance)
+        large = unsolved[solver.sizes[unsolved] * self.problem.s > LARGEST_NEWTON]
+        for island in large:
+            self._ask(interior_point, island, INTERIOR_STEPS, solver.factorisation[island])
+        chosen = np.setdiff1d(unsolved, large)
+        budget = NEWTON_BUDGET * 2**attempt
+        if len(chosen):
+            most = self._affordable(budget, float(solver.factorisation[chosen].sum()))
+            self.work += float(solver.newton(chosen, self.tolerance, most, attempt) @ solver.factorisation)
+        starts = FIRST_STARTS if attempt == 0 else (STARTS[attempt % len(STARTS)],)
+        for island in np.setdiff1d(solver.unsolved(self.tolerance), large):
+            self._finish(int(island), budget, starts, attempt)
+        return self.work
+
+    def _finish(self, island: int, budget: int, starts: tuple[int, ...], attempt: int) -> None:
+        solver, cost = self.solver, float(self.solver.factorisation[island])
+        for sweeps in starts:
+            most = self._affordable(2 * budget, cost)
+            if self._open(island) and most > 0:
+                self.work += solver.restart(island, self.tolerance, sweeps, most, attempt)
+        if attempt == 1:
+            self._ask(interior_point, island, INTERIOR_STEPS, cost)
+        if attempt > 0:
+            self._ask(newton_fischer_burmeister, island, 2 * budget, cost)
+            self._ask(apgd, island, 100 * budget, solver.sizes[island] / self.problem.n)
+
+    def _ask(self, method: Callable[..., None], island: int, limit: int, cost: float) -> None:
+        most = self._affordable(limit, cost)
+        if self._open(island) and most > 0 and self._serves(method, island):
+            self.work += cost * self.solver.ask(method, island, self.tolerance, most)
+
+    def _serves(self, method: Callable[..., None], island: int) -> bool:
+        """Fischer and Burmeister's function knows no shear yield."""
+        yields = self.solver.laws[self.solver.blocks(island), 1].any()
+        return not (yields and method is newton_fischer_burmeister)
+
+    def _open(self, island: int) -> bool:
+        return bool(self.solver.residual[island] > self.solver.allowed(self.tolerance)[island])
+
+    def _affordable(self, count: int, cost: float) -> int:
+        """At most `count` steps of this cost within the allowance."""
+        return int(max(0.0, min(count, (self.allowance - self.work) / max(cost, 1e-300))))

@@ -59,7 +59,7 @@ def interior_point(
 
 def _follow(problem: Problem, recorder: Recorder, path: CentralPath, limit: int) -> int:
     """Steps along the path until solved, stalled or at the limit; how many."""
-    stalled = 0
+    stalled, best = 0, math.inf
     for iteration in range(1, limit + 1):
         step = path.advance()
         if step is None:
@@ -67,8 +67,8 @@ def _follow(problem: Problem, recorder: Recorder, path: CentralPath, limit: int)
         r = path.forces()
         rates = path.delassus.apply(r) + path.delassus.b
         residual = law_residual(problem, r, rates)[0]
-        gained = residual < SLOW * recorder.best_residual
-        stalled = 0 if gained and step > STALL_STEP else stalled + 1
+        stalled = 0 if residual < SLOW * best and step > STALL_STEP else stalled + 1
+        best = min(best, residual)
         if not math.isfinite(residual) or recorder.record(iteration, residual, r):
             return iteration
         if stalled >= STALLED_STEPS:

@@ -33,15 +33,19 @@ def proximal_newton(
     solver = IslandSolver(problem, delassus, r0)
     largest = int(solver.sizes.max()) * problem.s
     if largest > LARGEST_NEWTON:
-        raise InputError(
-            "method", "proximal_newton", f"another: an island has {largest} rows, over {LARGEST_NEWTON}"
-        )
-    # One sweep tells the size of the forces, which the residual is relative to.
-    solver.sweep(np.arange(len(solver.sizes)), 0.0, 1, 1)
+        allowed = f"another: an island has {largest} rows, over {LARGEST_NEWTON}"
+        raise InputError("method", "proximal_newton", allowed)
+    everything = np.arange(len(solver.sizes))
+    solver.sweep(everything, 0.0, 0)
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
-    done, attempt = 0, 0
-    while not recorder.record(done, solver.law_residual, solver.r) and done < limit:
+    if recorder.record(0, solver.law_residual, solver.r) or limit == 0:
+        return
+    # One sweep tells the size of the forces, which the residual is relative to.
+    solver.sweep(everything, 0.0, 1, 1)
+    done = 0
+    for attempt in range(limit):
         budget = min(FIRST_BUDGET * 2**attempt, limit - done)
-        solver.newton(solver.unsolved(recorder.tolerance), recorder.tolerance, budget, attempt)
-        done += budget
-        attempt += 1
+        used = solver.newton(solver.unsolved(recorder.tolerance), recorder.tolerance, budget, attempt)
+        done += max(1, int(used.max()))
+        if recorder.record(done, solver.law_residual, solver.r) or done >= limit:
+            return
