@@ -68,3 +68,14 @@ def test_links_lead_to_files_of_the_repository(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)\)", page.read_text(encoding="utf-8")):
         if not target.startswith("http") and not target.endswith(PICTURES):
             assert (page.parent / target).is_file(), target
+
+
+def test_every_method_and_local_solver_is_described() -> None:
+    from barchan.friction import methods
+    from barchan.friction.local import LOCAL_SOLVERS
+
+    solvers = (REPOSITORY / "docs" / "solvers.md").read_text(encoding="utf-8")
+    sweeps = (REPOSITORY / "docs" / "sweeps.md").read_text(encoding="utf-8")
+    assert [name for name in methods() if f"`{name}`" not in solvers] == []
+    plain = [name for name in LOCAL_SOLVERS if "+" not in name]
+    assert [name for name in plain if f"`{name}`" not in sweeps] == []

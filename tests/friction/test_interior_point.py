@@ -247,10 +247,23 @@ def test_work_is_bounded_and_bad_requests_are_refused() -> None:
         solve(reduced(problem), "interior_point", system="velocities")
 
 
-def test_a_solution_is_recognised_and_a_warm_start_only_enters_the_record() -> None:
+def test_a_solution_is_recognised_and_the_path_does_not_depend_on_the_start() -> None:
+    """A good start enters the record, neither shortens the path nor ends it."""
     problem = random_problem(1, N, 3, bodies=24, law=SecondOrderCone(0.5))
     cold = solve(problem, "interior_point", tol=1e-8)
     again = solve(problem, "interior_point", tol=1e-8, r0=cold.r)
     assert again.iterations == 0 and np.array_equal(again.r, cold.r)
-    near = solve(problem, "interior_point", tol=1e-8, r0=1.01 * cold.r)
-    assert np.array_equal(near.r, cold.r)
+    noise = 1.0 + 1e-4 * np.random.default_rng(0).standard_normal(cold.r.shape)
+    warm = solve(problem, "interior_point", tol=1e-8, r0=noise * cold.r)
+    assert warm.history[0].residual < 1e-3 < cold.history[0].residual
+    assert [entry.residual for entry in warm.history[1:8]] == [entry.residual for entry in cold.history[1:8]]
+    assert warm.converged
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_without_polishing_the_path_ends_close(system: str) -> None:
+    """What the path itself gives where W cannot be stored, hence not be polished."""
+    for bodies in (24, 12, 5):
+        for law in CONVEX.values():
+            problem = random_problem(3, N, 3, bodies=bodies, law=law)
+            assert solve(problem, "interior_point", tol=5e-5, system=system, polish=False).converged

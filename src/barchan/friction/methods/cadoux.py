@@ -20,6 +20,7 @@ DEFAULT_OUTER = 400
 INNER = {"dual": "interior_point", "primal": "clarabel_primal"}
 CLEAR_GAIN = 0.7
 DRIFT = 0.9
+PATIENCE = 20
 SHORTEST_STRIDE, LONGEST_STRIDE = 1.0 / 16.0, 256.0
 RANK = 1e-8
 
@@ -96,23 +97,33 @@ class _Mixer:
         self.points: list[np.ndarray] = []
         self.gaps: list[np.ndarray] = []
         self.stride = 1.0
+        self.best = np.inf
+        self.idle = 0
 
     def following(self, point: np.ndarray | None, image: np.ndarray) -> np.ndarray:
         """Anderson's combination of the last pairs, kept non-negative; `point` None before the first problem."""
         if point is None:
             return image
         gap = image - point
+        self._watch(float(np.linalg.norm(gap)))
         self._pace(gap)
         self.points.append(point.copy())
         self.gaps.append(gap)
         del self.points[: -self.memory - 1], self.gaps[: -self.memory - 1]
         target = point + self.stride * gap
-        if self.stride <= 1.0 and len(self.points) > 1 and gap.any():
+        if self.memory and self.stride <= 1.0 and len(self.points) > 1 and gap.any():
             points, gaps = np.array(self.points), np.array(self.gaps)
             misses = np.diff(gaps, axis=0).T
             weights = np.linalg.lstsq(misses, gap, rcond=RANK)[0]
             target = target - (np.diff(points, axis=0).T + self.stride * misses) @ weights
         return np.maximum(target, 0.0)
+
+    def _watch(self, size: float) -> None:
+        """Mix no more where that has not brought the gap down for a while: the bare map is slower and surer."""
+        self.idle = 0 if size <= CLEAR_GAIN * self.best else self.idle + 1
+        self.best = min(self.best, size)
+        if self.idle > PATIENCE:
+            self.memory = 0
 
     def _pace(self, gap: np.ndarray) -> None:
         """Longer strides while the gap F(s) - s hardly changes (a drift), shorter ones when it turns round (a cycle)."""
