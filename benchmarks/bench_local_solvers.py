@@ -2,8 +2,9 @@
 
 Every solver gets the same problems (`samples.family("table")`: 120 of 10 to 200 contacts, s = 3), start, order of sweeps and
 sweep limit. Counts come from one run; processor times from others, without counting (shortest of the repeats, in turn).
-The pyramid alone cannot meet the certificate; as in the seed's footnote 6 it is stopped by the length of its steps, at the
-length that "fischer-burmeister+enumerative" typically (median) shows when it meets the certificate.
+All solvers of Coulomb's law share the tests of take-off and of sticking and the final check; the Newton kernels for s = 3 are
+unrolled for both functions alike. The pyramid alone cannot meet the certificate; as in the seed's footnote 6 it is stopped by
+the length of its steps, at the length that "fischer-burmeister+enumerative" typically (median) shows when it meets it.
 """
 
 from __future__ import annotations

@@ -239,7 +239,9 @@ def singular(kind: str) -> Problem:
         H = sp.csr_array(sp.vstack([once.H, once.H, once.H]))
         return Problem(M=once.M, f=once.f, H=H, w=np.zeros(18), law=Coulomb(np.full(6, 0.6)))
     if kind == "nothing":
-        return Problem.reduced(np.zeros((6, 6)), np.array([-1.0, 0, 0, 1, 0.5, 0]), Coulomb(0.5), block_size=3)
+        return Problem.reduced(
+            np.zeros((6, 6)), np.array([-1.0, 0, 0, 1, 0.5, 0]), Coulomb(0.5), block_size=3
+        )
     W = np.zeros((6, 6))
     W[:3, :3] = np.eye(3)
     return Problem.reduced(W, np.array([-1.0, 0.2, 0, 1.0, 0, 0]), Coulomb(0.5), block_size=3)
@@ -266,6 +268,26 @@ def test_singular_jacobians_do_not_crash(
         assert solution.r[0::3].reshape(3, 2).sum(axis=0) == pytest.approx([2 * 9.81, 9.81], rel=1e-6)
     elif kind == "nothing":
         assert not solution.converged  # u = b whatever the forces, and b closes: there is no solution
+
+
+@pytest.mark.parametrize("dense", [True, False])
+@pytest.mark.parametrize("method", NEWTON)
+def test_without_a_direction_newton_takes_steps_of_the_fixed_point(
+    method: str, dense: bool, monkeypatch
+) -> None:
+    """r <- P(r - rho (u + s(u))), where J is singular to the last digit."""
+    monkeypatch.setattr(NEWTON_MODULE, "PROXIMAL", 0.0)
+    if not dense:
+        monkeypatch.setattr(NEWTON_MODULE, "LARGEST_DENSE", 0)
+    problem = singular("nothing")
+    b = problem.b.reshape(2, 3)
+    start = np.array([[1.0, 0.1, 0.0], [1.0, 0.1, 0.0]])
+    solution = solve(problem, method, tol=1e-8, r0=start, max_iterations=1)
+    assert np.isfinite(solution.history[-1].residual)
+    if method == "newton_de_saxce":
+        stepped = problem.law.project(start - problem.rho[:, None] * (b + problem.law.shift(b)))
+        expected = certify(problem, stepped).residual
+        assert solution.history[-1].residual == pytest.approx(expected, rel=1e-9)
 
 
 def test_newton_history_bounds_and_refusals() -> None:

@@ -98,6 +98,17 @@ def test_unsorted_blocks_of_block_rows_are_sorted() -> None:
     assert np.array_equal(matrix.toarray(), dense)
 
 
+def test_blocks_given_twice_are_added_up_and_the_given_matrix_stays_as_it_is() -> None:
+    data = np.arange(16.0).reshape(4, 2, 2)
+    matrix = sp.bsr_array((data.copy(), np.array([1, 0, 1, 0]), np.array([0, 3, 4])), shape=(4, 4))
+    dense = matrix.toarray()
+    rows = block_rows(matrix, 2, 2)
+    assert rows.indices.tolist() == [0, 1, 0]
+    assert np.array_equal(rows.matrix().toarray(), dense)
+    assert np.array_equal(diagonal_blocks_of_square(rows)[0], dense[:2, :2])
+    assert matrix.indices.tolist() == [1, 0, 1, 0] and np.array_equal(matrix.data, data)
+
+
 def test_whole_numbers_become_floats() -> None:
     rows = block_rows(sp.csr_array(np.arange(16).reshape(4, 4)), 2, 2)
     assert rows.data.dtype == np.float64

@@ -76,6 +76,12 @@ class _Motions:
     unit: float
 
 
+def existence_of(problem: Problem) -> Existence:
+    """`existence`, asked once for a problem and kept with it."""
+    verdict: Existence = problem.prepared("existence", lambda: existence(problem))
+    return verdict
+
+
 def existence(problem: Problem) -> Existence:
     """Decide whether a problem has a solution; the cost is that of one or two conic programs of its size."""
     if problem.n == 0:

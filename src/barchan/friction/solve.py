@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from barchan.errors import InputError
-from barchan.friction.existence import NONE, data_size, existence
+from barchan.friction.existence import NONE, data_size, existence_of
 from barchan.friction.methods import METHODS
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Progress, Recorder, Solution, finish
@@ -66,14 +66,14 @@ def solve(
     start = _start(problem, r0)
     recorder = Recorder(SAFETY * tol, callback)
     with one_blas_thread():
-        proof = existence(problem) if check_existence else None
+        proof = existence_of(problem) if check_existence else None
         if problem.n == 0 or (proof is not None and proof.verdict == NONE):
             recorder.record(0, 0.0 if problem.n == 0 else math.inf, start)
         else:
             METHODS[method].run(problem, recorder, start, max_iterations=max_iterations, **options)
         unlimited = method == "auto" and max_iterations is None
         if proof is None and _is_doubtful(problem, recorder, unlimited):
-            proof = existence(problem)
+            proof = existence_of(problem)
         return finish(problem, recorder, method, tol, proof)
 
 

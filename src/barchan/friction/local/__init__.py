@@ -13,6 +13,7 @@ import numpy as np
 
 from barchan.cones import Law
 from barchan.errors import InputError
+from barchan.friction.local._decompose import local_blocks
 from barchan.friction.local._dispatch import (
     ALART_CURNIER,
     ALART_CURNIER_DAMPED,
@@ -28,7 +29,6 @@ from barchan.friction.local._dispatch import (
     scratch,
     solve_block_kernel,
 )
-from barchan.friction.local._secular import prepare
 
 _PRIMARY = {
     "pyramid": PYRAMID,
@@ -108,7 +108,7 @@ def answer_block(
     parameters = law.parameters(1)
     code = local_code(method, s, parameters)
     r = np.zeros(s) if r0 is None else np.array(r0, dtype=float)
-    status = solve_block_kernel(s, code, W, prepare(W[None])[0], b, b, parameters[0], r, *scratch(s))
+    status = solve_block_kernel(s, code, W, local_blocks(W[None])[1][0], b, b, parameters[0], r, *scratch(s))
     return BlockAnswer(r, W @ r + b, bool(status & FAILED), bool(status & USED_FAILSAFE))
 
 
@@ -125,7 +125,7 @@ __all__ = [
     "BlockAnswer",
     "LocalCounts",
     "answer_block",
+    "local_blocks",
     "local_code",
-    "prepare",
     "solve_block",
 ]

@@ -13,6 +13,8 @@ from numba import njit
 
 from barchan.cones._kernels import natural_map_residual_squared
 from barchan.friction.local._alart_curnier import solve_alart_curnier
+from barchan.friction.local._contact import contact_error, fischer_burmeister_contact
+from barchan.friction.local._contact_alart_curnier import alart_curnier_contact
 from barchan.friction.local._duriez import solve_duriez
 from barchan.friction.local._enumerative import solve_enumerative
 from barchan.friction.local._fischer_burmeister import solve_fischer_burmeister
@@ -48,8 +50,10 @@ def force_scale(s, w, b):
 
 
 @njit(cache=True, error_model="numpy")
-def local_error(s, w, b, law, r, u):
-    """Local certificate: natural map of (W r + b, r), relative to the larger of |r| and rho |b|. Scratch `u` (s,)."""
+def _error_squared(s, w, b, law, r, u):
+    """Square of `local_error`."""
+    if s == 3 and law[1] == 0.0 and law[2] == 0.0:
+        return contact_error(w, b, law[0], law[3], r)
     trace = 0.0
     given = 0.0
     size = 0.0
@@ -64,69 +68,136 @@ def local_error(s, w, b, law, r, u):
     rho = s / trace
     violation = natural_map_residual_squared(r, u, law[0], law[1], law[2], law[3], rho)
     size = max(size, rho * rho * given)
-    return math.sqrt(violation / size) if violation > 0.0 else violation
+    return violation / size if violation > 0.0 else violation
+
+
+@njit(cache=True, error_model="numpy")
+def local_error(s, w, b, law, r, u):
+    """Local certificate: natural map of (W r + b, r), relative to the larger of |r| and rho |b|. Scratch `u` (s,)."""
+    return math.sqrt(_error_squared(s, w, b, law, r, u))
+
+
+@njit(cache=True, error_model="numpy")
+def _takes_off(s, b, zeta):
+    """Whether no force solves the block: u = b is then admissible, exactly (seed B 4.1.2, first case)."""
+    if not (b[0] >= 0.0 and zeta > 0.0):
+        return b[0] >= 0.0
+    slip = 0.0
+    for j in range(1, s):
+        slip += b[j] * b[j]
+    return b[0] * b[0] >= zeta * zeta * slip
+
+
+@njit(cache=True, error_model="numpy")
+def _sticks(s, local, b, mu, r, t):
+    """Whether -W^-1 b is in the cone (seed B 4.1.2, second case), or there is no friction; then written to `r` (s,).
+
+    By the decomposition `local` of `prepare`; scratch `t` (s,).
+    """
+    q = s - 1
+    normal = -b[0] / local[0]
+    if mu < _NO_FRICTION:
+        r[:] = 0.0
+        r[0] = normal
+        return True
+    square = 0.0
+    for j in range(q):
+        value = -local[1 + j] * b[0]
+        for k in range(q):
+            value += local[s + q + k * q + j] * b[1 + k]
+        value /= -local[s + j]
+        t[j] = value
+        normal -= local[1 + j] * value
+        square += value * value
+    if not (normal >= 0.0 and square <= mu * mu * normal * normal):
+        return False
+    r[0] = normal
+    for k in range(q):
+        value = 0.0
+        for j in range(q):
+            value += local[s + q + k * q + j] * t[j]
+        r[1 + k] = value
+    return True
 
 
 @njit(cache=True, error_model="numpy")
 def _iterate(s, primary, w, b, mu, zeta, r, rows, matrices):
-    """Newton or fixed-point local solvers, from `r`."""
+    """Newton or fixed-point local solvers, from `r`; the contacts in space by kernels of their own."""
     scale = force_scale(s, w, b)
     tolerance, floor = _INNER_TOLERANCE * scale, _ROUND_OFF * scale
-    if mu < _NO_FRICTION:
-        r[:] = 0.0
-        r[0] = max(0.0, -b[0] / w[0, 0])
-    elif primary == FISCHER_BURMEISTER:
-        solve_fischer_burmeister(s, w, b, mu, zeta, r, tolerance, floor, _NEWTON_STEPS, rows, matrices)
-    elif primary == DURIEZ:
+    damped = primary == ALART_CURNIER_DAMPED
+    if primary == DURIEZ:
         tolerance = _FIXED_POINT_TOLERANCE * scale
         solve_duriez(s, w, b, mu, zeta, r, tolerance, _FIXED_POINT_STEPS, rows[1])
+    elif primary == FISCHER_BURMEISTER:
+        if s == 3:
+            fischer_burmeister_contact(w, b, mu, zeta, r, tolerance, floor, _NEWTON_STEPS)
+        else:
+            solve_fischer_burmeister(s, w, b, mu, zeta, r, tolerance, floor, _NEWTON_STEPS, rows, matrices)
+    elif s == 3:
+        alart_curnier_contact(w, b, mu, zeta, r, tolerance, floor, _NEWTON_STEPS, damped)
     else:
-        damped = primary == ALART_CURNIER_DAMPED
         solve_alart_curnier(s, w, b, mu, zeta, r, tolerance, floor, _NEWTON_STEPS, damped, rows, matrices)
+
+
+@njit(cache=True, error_model="numpy")
+def _fail_safe(s, code, w, local, b, law, r, kept, error, matrices, row, other):
+    """Answer of the fail-safe of `code` into `r`, or `kept` if that is no worse; returns the bits of `solve_certified`."""
+    second = math.inf
+    if code >= THEN_SECULAR:
+        solve_secular(s, local, b, law[0], law[1], law[2], law[3], 0.0, r, row, other)
+        second = _error_squared(s, w, b, law, r, row)
+    elif solve_enumerative(s, w, b, law[0], law[3], r, matrices[:s, :3], matrices[s : s + 4]):
+        second = _error_squared(s, w, b, law, r, row)
+    if second <= LOCAL_TOLERANCE * LOCAL_TOLERANCE:
+        return USED_FAILSAFE
+    if not second < error:
+        r[:] = kept
+    return USED_FAILSAFE + FAILED
 
 
 @njit(cache=True, error_model="numpy")
 def solve_certified(s, code, w, local, b, guide, law, r, rows, matrices):
     """Solve one block with the local solver `code` (not the secular one alone), from `r`, which is overwritten.
 
-    `guide` (s,) is the unconstrained velocity a pyramid is aligned with. Returns FAILED and USED_FAILSAFE as bits: failed
-    is an answer whose local certificate exceeds LOCAL_TOLERANCE (of the pyramid alone: that is none of its own law).
+    `guide` (s,) is the unconstrained velocity a pyramid is aligned with. Blocks that take off or stick need no iteration:
+    every solver of Coulomb's law gets these two answers, the second one checked. Returns FAILED and USED_FAILSAFE as bits:
+    failed is an answer whose local certificate exceeds LOCAL_TOLERANCE (of the pyramid alone: that is none of its own law).
     """
     primary = code % THEN_ENUMERATIVE
     mu, zeta = law[0], law[3]
-    kept = rows[0]
+    turned, matrix = matrices[:s, :s], matrices[s : 2 * s, :s]
+    if code == PYRAMID:
+        found = solve_pyramid(s, w, b, guide, mu, zeta, r, rows[1:4], turned, matrix)
+        return 0 if found else FAILED
+    if _takes_off(s, b, zeta):
+        for j in range(s):
+            r[j] = 0.0
+        return 0
+    kept, row = rows[0], rows[1]
     for j in range(s):
         kept[j] = r[j]
+    limit = LOCAL_TOLERANCE * LOCAL_TOLERANCE
+    if _sticks(s, local, b, mu, r, row):
+        if _error_squared(s, w, b, law, r, row) <= limit:
+            return 0
+        r[:] = kept
     found = True
     if primary == ENUMERATIVE:
         found = solve_enumerative(s, w, b, mu, zeta, r, matrices[:s, :3], matrices[s : s + 4])
     elif primary == PYRAMID:
-        found = solve_pyramid(
-            s, w, b, guide, mu, zeta, r, rows[1:4], matrices[:s, :s], matrices[s : 2 * s, :s]
-        )
-        if code == PYRAMID:
-            return 0 if found else FAILED
-    else:
+        found = solve_pyramid(s, w, b, guide, mu, zeta, r, rows[1:4], turned, matrix)
+    elif mu >= _NO_FRICTION:
         _iterate(s, primary, w, b, mu, zeta, r, rows, matrices)
     if not found:
         r[:] = kept
-    error = local_error(s, w, b, law, r, rows[1])
-    if error <= LOCAL_TOLERANCE:
+    error = _error_squared(s, w, b, law, r, row)
+    if error <= limit:
         return 0
     if code < THEN_ENUMERATIVE:
         return FAILED
     kept[:] = r
-    if code < THEN_SECULAR:
-        found = solve_enumerative(s, w, b, mu, zeta, r, matrices[:s, :3], matrices[s : s + 4])
-    else:
-        solve_secular(s, local, b, mu, law[1], law[2], zeta, 0.0, r, rows[1], rows[2])
-        found = True
-    second = local_error(s, w, b, law, r, rows[1]) if found else math.inf
-    if second <= LOCAL_TOLERANCE:
-        return USED_FAILSAFE
-    if not second < error:
-        r[:] = kept
-    return USED_FAILSAFE + FAILED
+    return _fail_safe(s, code, w, local, b, law, r, kept, error, matrices, row, rows[2])
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,7 +1,7 @@
 """Optimistic nonsmooth Newton on the second-order-cone Fischer-Burmeister function (seed B 4.1.1, B.1, Algorithm B.1).
 
-Works on one block u = W r + b of any size, without shear or tensile yield; MFB of Table 4.3. The Newton system is
-multiplied by L_z, which spares its inverse. Cost: O(s^3) per Newton step.
+Works on one block u = W r + b of any size (`_contact` does s = 3), without shear or tensile yield; MFB of Table 4.3. The Newton
+system is multiplied by L_z, which spares its inverse. Cost: O(s^3) per Newton step.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numba import njit
 from barchan.friction.local._dense import solve_dense
 
 _CURVATURE = 1e-2
-_INTERIOR = 1e-28
+_BOUNDARY = 2e-14
 
 
 @njit(cache=True, error_model="numpy")
@@ -37,24 +37,22 @@ def _hat_variables(s, w, b, mu, zeta, rho, r, u, x, y):
 
 @njit(cache=True, error_model="numpy")
 def _function(s, x, y, z, f):
-    """f = z - x - y with z = (x o x + y o y)^(1/2); returns |f|^2 and the smaller eigenvalue of z o z, to full precision.
+    """f = z - x - y with z = (x o x + y o y)^(1/2); returns |f|^2 and det z.
 
-    det z = sqrt(lambda_1 lambda_2) comes from a sum of squares; the seed's difference for lambda_1 loses half the digits.
+    z_N^2 is the mean of |x|^2 + |y|^2 and det z, which comes from a sum of squares; the seed's difference for lambda_1 loses
+    half the digits.
     """
     square = x[0] * x[0] + y[0] * y[0]
     lorentz = square
-    length = 0.0
     cross = 0.0
     for j in range(1, s):
         z[j] = x[0] * x[j] + y[0] * y[j]
-        length += z[j] * z[j]
         parts = x[j] * x[j] + y[j] * y[j]
         square += parts
         lorentz -= parts
         cross += (x[0] * y[j] - y[0] * x[j]) ** 2
-    high = math.sqrt(square + 2.0 * math.sqrt(length))
-    low = math.sqrt(lorentz * lorentz + 4.0 * cross) / high if high > 0.0 else 0.0
-    z[0] = 0.5 * (low + high)
+    det = math.sqrt(lorentz * lorentz + 4.0 * cross)
+    z[0] = math.sqrt(0.5 * (square + det))
     inverse = 1.0 / z[0] if z[0] > 0.0 else 0.0
     f[0] = z[0] - x[0] - y[0]
     error = f[0] * f[0]
@@ -62,7 +60,7 @@ def _function(s, x, y, z, f):
         z[j] *= inverse
         f[j] = z[j] - x[j] - y[j]
         error += f[j] * f[j]
-    return error, low * low
+    return error, det
 
 
 @njit(cache=True, error_model="numpy")
@@ -98,21 +96,19 @@ def _newton_matrix(s, w, mu, zeta, rho, u, slip, x, y, z, interior, matrix):
 
 
 @njit(cache=True, error_model="numpy")
-def _right_hand_side(s, z, f, interior, matrix, step, g):
+def _right_hand_side(s, z, f, det, interior, matrix, step, g):
     """step = -L_z f (or -f on the boundary); returns |J' f|^2, J being the Jacobian itself. Scratch `g` (s,)."""
     for i in range(s):
         step[i] = -f[i]
         g[i] = f[i]
     if interior:
         cross = 0.0
-        square = 0.0
         for i in range(1, s):
             cross += z[i] * f[i]
-            square += z[i] * z[i]
             step[i] = -z[0] * f[i] - z[i] * f[0]
         step[0] = -z[0] * f[0] - cross
         # g = L_z^-1 f, so that J' f = matrix' g.
-        g[0] = (z[0] * f[0] - cross) / (z[0] * z[0] - square)
+        g[0] = (z[0] * f[0] - cross) / det
         inverse = 1.0 / z[0]
         for i in range(1, s):
             g[i] = (f[i] - z[i] * g[0]) * inverse
@@ -141,7 +137,7 @@ def solve_fischer_burmeister(s, w, b, mu, zeta, r, tolerance, floor, max_steps, 
     enough = floor * floor
     for _ in range(max_steps):
         slip = _hat_variables(s, w, b, mu, zeta, rho, r, u, x, y)
-        error, small = _function(s, x, y, z, f)
+        error, det = _function(s, x, y, z, f)
         if error < best_error:
             best_error = error
             for j in range(s):
@@ -149,9 +145,9 @@ def solve_fischer_burmeister(s, w, b, mu, zeta, r, tolerance, floor, max_steps, 
         if not error > enough:
             break
         enough = tolerance * tolerance
-        interior = small > _INTERIOR * z[0] * z[0]
+        interior = det > _BOUNDARY * z[0] * z[0]
         _newton_matrix(s, w, mu, zeta, rho, u, slip, x, y, z, interior, matrix)
-        gradient = _right_hand_side(s, z, f, interior, matrix, step, rows[8])
+        gradient = _right_hand_side(s, z, f, det, interior, matrix, step, rows[8])
         if not solve_dense(s, matrix, step):
             break
         length = 0.0

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 from numba import njit
 
 _MAX_STEPS = 60
@@ -17,36 +16,6 @@ _PRECISION = 1e-13
 _NO_FRICTION = 1e-14
 _MAX_DILATANT = 260
 _FARTHEST = 1e30
-
-
-def local_width(s: int) -> int:
-    """Number of floats stored per block: W_NN, the coupling, the eigenvalues and the eigenvectors of T."""
-    return 1 + 2 * (s - 1) + (s - 1) ** 2
-
-
-def prepare(blocks: np.ndarray) -> np.ndarray:
-    """Decompose the diagonal blocks once.
-
-    Parameters
-    ----------
-    blocks : (n, s, s) symmetric positive definite blocks (proximal term included).
-
-    Returns
-    -------
-    (n, local_width(s)) rows [W_NN, Q^T w / W_NN, eigenvalues of T, Q row by row].
-    """
-    n, s, _ = blocks.shape
-    normal = blocks[:, 0, 0]
-    coupling = blocks[:, 1:, 0]
-    schur = blocks[:, 1:, 1:] - coupling[:, :, None] * coupling[:, None, :] / normal[:, None, None]
-    values, vectors = np.linalg.eigh(0.5 * (schur + schur.transpose(0, 2, 1)))
-    floor = np.finfo(float).eps * np.einsum("iaa->i", blocks)[:, None]
-    rows = np.empty((n, local_width(s)))
-    rows[:, 0] = normal
-    rows[:, 1:s] = np.einsum("iab,ia->ib", vectors, coupling) / normal[:, None]
-    rows[:, s : 2 * s - 1] = np.maximum(values, floor)
-    rows[:, 2 * s - 1 :] = vectors.reshape(n, -1)
-    return rows
 
 
 @njit(cache=True, error_model="numpy")
@@ -257,7 +226,7 @@ def _slide_detached(s, local, c, mean, sigma, t):
 def solve_secular(s, local, b, mu, sigma, tau, zeta, a0, r, c, t):
     """Solve u = W r + b with (u, r) in the law, exactly.
 
-    `local` (row of `prepare`), `b` (s,), law parameters, `a0` a guess of the sliding multiplier (0: none); writes the
+    `local` (row of `local_blocks`), `b` (s,), law parameters, `a0` a guess of the sliding multiplier (0: none); writes the
     force to `r` (s,), uses scratch `c`, `t` (s-1,). Returns the multiplier a with u_T = -a r_T (0 when not sliding).
     """
     if mu < _NO_FRICTION:

@@ -64,7 +64,8 @@ def newton_system(problem: Problem, kind: str) -> NewtonSystem:
     return _ForceSystem(problem) if kind == "forces" else _VelocitySystem(problem)
 
 
-def _block_diagonal(blocks: np.ndarray) -> sp.csr_array:
+def block_diagonal(blocks: np.ndarray) -> sp.csr_array:
+    """Sparse matrix (n s, n s) of diagonal blocks (n, s, s)."""
     n, s, _ = blocks.shape
     return sp.csr_array(sp.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(n * s, n * s)))
 
@@ -101,7 +102,7 @@ class _ForceSystem:
         keep[fixed] = 0.0
         mask = sp.diags_array(keep)
         self.system = sp.csr_array(
-            mask @ (self.matrix + _block_diagonal(added)) @ mask + sp.diags_array(1.0 - keep)
+            mask @ (self.matrix + block_diagonal(added)) @ mask + sp.diags_array(1.0 - keep)
         )
         return self._sparse()
 
@@ -143,7 +144,7 @@ class _VelocitySystem:
         if not np.isfinite(inverse).all():
             return False
         inverse[held, 1:, 1:] = 0.0
-        self.D, self.stiffness = _block_diagonal(inverse), _block_diagonal(stiffness)
+        self.D, self.stiffness = block_diagonal(inverse), block_diagonal(stiffness)
         added = sp.coo_array(self.H.T @ (self.D @ self.H))
         added.resize(self.border.shape)
         try:

@@ -1,7 +1,7 @@
 """A portfolio of iterative solvers that share one iterate, work going to whichever reduces the residual fastest.
 
-Gauss-Seidel removes local errors and copes with high friction, ASPG carries pressure across the whole system but may stall
-on the non-associated coupling. Choices depend on residuals and iteration counts only, never on clocks: runs are reproducible.
+Gauss-Seidel removes local errors and copes with high friction; accelerated gradients (ASPG, APGD) carry pressure across the
+whole system but may stall on the non-associated coupling. Choices depend on residuals and counts only, never on clocks.
 """
 
 from __future__ import annotations
@@ -54,12 +54,15 @@ def portfolio(
     max_iterations: int | None = None,
     operator: str = "auto",
     min_iterations: int = 0,
+    gradient: Callable[..., None] = aspg,
+    gradient_cost: float = 1.5,
 ) -> None:
-    """Solve from `r0` (n, s) with Gauss-Seidel and ASPG in turns of CHUNK iterations or more.
+    """Solve from `r0` (n, s) with Gauss-Seidel and a gradient method in turns of CHUNK iterations or more.
 
     max_iterations : bound on the work, in Gauss-Seidel sweeps.  min_iterations : sweeps made in any case.
+    gradient : a method with the option `operator`.  gradient_cost : work of its iteration.
     """
-    members = [_Member(aspg, 1.5, {"operator": operator})]
+    members = [_Member(gradient, gradient_cost, {"operator": operator})]
     if can_sweep(problem):
         members.insert(
             0, _Member(gauss_seidel, 1.0, {"operator": operator, "min_iterations": min_iterations})

@@ -9,6 +9,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from barchan.friction.existence import NONE, existence_of
+from barchan.friction.methods._continuum import is_continuum, solve_continuum
 from barchan.friction.methods._island_solver import LARGEST_NEWTON, IslandSolver
 from barchan.friction.methods._portfolio import portfolio
 from barchan.friction.methods.apgd import apgd
@@ -19,14 +21,14 @@ from barchan.friction.operators import LARGEST_DENSE_DELASSUS, StoredDelassus, b
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Recorder
 
-DEFAULT_WORK = 3_000_000
+DEFAULT_WORK = 5_000_000
 FIRST_SWEEPS = 10
 SWEEPS = 500
-NEWTON_BUDGET = 60
-ATTEMPTS = 7
+NEWTON_BUDGETS = (60, 3000, 6000)
+DOUBT = 1
 INTERIOR_STEPS = 60
-FIRST_STARTS = (5, 20)
-STARTS = (150, 30, 70, 10)
+PROJECTED_STEPS = 40_000
+STARTS = (5, 20)
 INTERIOR_SIZE = 60_000
 
 
@@ -42,6 +44,9 @@ def auto(
 
     max_iterations : bound on the work, in Gauss-Seidel sweeps.  min_iterations : sweeps made in any case.
     """
+    if operator != "explicit" and is_continuum(problem):
+        _continuum(problem, recorder, r0, max_iterations, operator, min_iterations)
+        return
     budget = DEFAULT_WORK if max_iterations is None else max_iterations
     delassus = build_operator(problem, "explicit" if _small(problem, operator) else operator)
     if isinstance(delassus, StoredDelassus) and problem.n < PARALLEL_BLOCKS:
@@ -56,6 +61,25 @@ def auto(
     elif problem.n * problem.s <= INTERIOR_SIZE:
         recorder.begin_next()
         interior_point(problem, recorder, recorder.best)
+
+
+def _continuum(
+    problem: Problem,
+    recorder: Recorder,
+    r0: np.ndarray,
+    max_iterations: int | None,
+    operator: str,
+    min_iterations: int,
+) -> None:
+    """Sweeps and a central path in velocity space; for what they leave of a small problem, islands and Newton."""
+    small = _small(problem, operator)
+    left = solve_continuum(problem, recorder, r0, max_iterations, operator, min_iterations, last=not small)
+    if small and left >= 1.0 and not _finished(recorder):
+        assert recorder.best is not None
+        delassus = build_operator(problem, "explicit")
+        assert isinstance(delassus, StoredDelassus)
+        recorder.begin_next()
+        _by_islands(problem, recorder, IslandSolver(problem, delassus, recorder.best), left, 0)
 
 
 def _small(problem: Problem, operator: str) -> bool:
@@ -83,8 +107,10 @@ def _by_islands(
     if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
         return
     work += solver.sweep(solver.unsolved(tolerance), tolerance, int(min(SWEEPS, budget - work)))
-    for attempt in range(ATTEMPTS):
+    for attempt in range(len(NEWTON_BUDGETS)):
         if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
+            return
+        if attempt == DOUBT and existence_of(problem).verdict == NONE:
             return
         work += _Attack(problem, solver, tolerance, budget - work).run(attempt)
         if recorder.record(int(work), solver.law_residual, solver.r) or work >= budget:
@@ -103,33 +129,42 @@ class _Attack:
         self.work = 0.0
 
     def run(self, attempt: int) -> float:
-        """Newton on all open islands; then, for those it does not finish, other starts, functions and methods."""
+        """Newton on all open islands, from better and better starts."""
         solver = self.solver
         unsolved = solver.unsolved(self.tolerance)
         large = unsolved[solver.sizes[unsolved] * self.problem.s > LARGEST_NEWTON]
         for island in large:
             self._ask(interior_point, island, INTERIOR_STEPS, solver.factorisation[island])
         chosen = np.setdiff1d(unsolved, large)
-        budget = NEWTON_BUDGET * 2**attempt
+        for island in chosen if attempt > 0 else ():
+            self._prepare(int(island), attempt)
+        chosen = np.setdiff1d(solver.unsolved(self.tolerance), large)
+        budget = NEWTON_BUDGETS[attempt]
         if len(chosen):
             most = self._affordable(budget, float(solver.factorisation[chosen].sum()))
-            self.work += float(solver.newton(chosen, self.tolerance, most, attempt) @ solver.factorisation)
-        starts = FIRST_STARTS if attempt == 0 else (STARTS[attempt % len(STARTS)],)
+            used = solver.newton(chosen, self.tolerance, most, attempt)
+            self.work += float(used @ solver.factorisation)
         for island in np.setdiff1d(solver.unsolved(self.tolerance), large):
-            self._finish(int(island), budget, starts, attempt)
+            self._finish(int(island), budget, attempt)
         return self.work
 
-    def _finish(self, island: int, budget: int, starts: tuple[int, ...], attempt: int) -> None:
-        solver, cost = self.solver, float(self.solver.factorisation[island])
-        for sweeps in starts:
-            most = self._affordable(2 * budget, cost)
-            if self._open(island) and most > 0:
-                self.work += solver.restart(island, self.tolerance, sweeps, most, attempt)
+    def _prepare(self, island: int, attempt: int) -> None:
+        """Bring an island near its solution by methods that do not need to know which blocks stick."""
         if attempt == 1:
-            self._ask(interior_point, island, INTERIOR_STEPS, cost)
+            self._ask(interior_point, island, INTERIOR_STEPS, float(self.solver.factorisation[island]))
+        self._ask(apgd, island, PROJECTED_STEPS, self.solver.sizes[island] / self.problem.n)
+
+    def _finish(self, island: int, budget: int, attempt: int) -> None:
+        """After the first attempt other starts, after the later ones another function."""
+        solver, cost = self.solver, float(self.solver.factorisation[island])
         if attempt > 0:
-            self._ask(newton_fischer_burmeister, island, 2 * budget, cost)
-            self._ask(apgd, island, 100 * budget, solver.sizes[island] / self.problem.n)
+            self._ask(newton_fischer_burmeister, island, budget // 4, cost)
+            return
+        share = float(solver.sizes[island]) / self.problem.n
+        for sweeps in STARTS:
+            most = self._affordable(2 * budget, cost)
+            if self._open(island) and most > 0 and self._affordable(sweeps, share) == sweeps:
+                self.work += solver.restart(island, self.tolerance, sweeps, most, attempt)
 
     def _ask(self, method: Callable[..., None], island: int, limit: int, cost: float) -> None:
         most = self._affordable(limit, cost)

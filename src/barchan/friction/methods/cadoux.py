@@ -16,7 +16,7 @@ from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
 
-DEFAULT_OUTER = 400
+DEFAULT_OUTER = 1000
 INNER = {"dual": "interior_point", "primal": "clarabel_primal"}
 CLEAR_GAIN = 0.7
 DRIFT = 0.9

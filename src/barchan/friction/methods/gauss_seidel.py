@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from barchan.errors import InputError
 from barchan.friction._kernels import block_sweeps, sweep_scratch
-from barchan.friction.local import LocalCounts, local_code, prepare
+from barchan.friction.local import LocalCounts, local_blocks, local_code
 from barchan.friction.operators import LARGEST_DENSE_DELASSUS, LumpedDelassus, StoredDelassus, build_operator
 from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
@@ -26,8 +26,6 @@ DIRECTIONS = ("alternating", "forward", "symmetric")
 OVER_RELAXATION = 1.3
 PARALLEL_BLOCKS = 1500
 GROUP_SIZE = 16
-SINGULAR = 1e-10
-PROXIMAL = 1e-3
 SLEEP_FRACTION = 0.1
 
 
@@ -230,7 +228,7 @@ class Sweeper:
         self.counts: LocalCounts | None = None
         code = local_code(local_solver, problem.s, self.laws)
         origin = problem.origin
-        self.diagonal, self.local = origin.prepared("blocks", lambda: _decompose(delassus.diagonal_blocks))
+        self.diagonal, self.local = origin.prepared("blocks", lambda: local_blocks(delassus.diagonal_blocks))
         form = type(delassus).__name__
         self.schedule = origin.prepared(
             ("schedule", form, parallel),
@@ -290,24 +288,6 @@ class Sweeper:
             self.counts.solves += int(solves)
             self.counts.failures += int(failures)
             self.counts.failsafe_calls += int(calls)
-
-
-def _decompose(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Regular diagonal blocks (n, s, s), and their decomposition for the secular local solver."""
-    regular = proximal_blocks(blocks)
-    return regular, prepare(regular)
-
-
-def proximal_blocks(blocks: np.ndarray) -> np.ndarray:
-    """Add beta I to the (n, s, s) blocks that are singular or nearly so; beta is a fraction of the mean eigenvalue."""
-    s = blocks.shape[1]
-    blocks = 0.5 * (blocks + blocks.transpose(0, 2, 1))
-    mean = np.einsum("iaa->i", blocks) / s
-    smallest = np.linalg.eigvalsh(blocks)[:, 0] if len(blocks) else mean
-    typical = np.median(mean[mean > 0.0]) if (mean > 0.0).any() else 1.0
-    mean = np.where(mean > 0.0, mean, typical)
-    beta = np.where(smallest <= SINGULAR * mean, PROXIMAL * mean, 0.0)
-    return np.ascontiguousarray(blocks + beta[:, None, None] * np.eye(s))
 
 
 def _schedule(delassus: StoredDelassus | LumpedDelassus, n: int) -> Schedule:

@@ -116,7 +116,7 @@ class _System:
         return fixed_point
 
 
-def _method(function: str) -> Callable[..., None]:
+def _method(function: str, name: str) -> Callable[..., None]:
     def run(
         problem: Problem,
         recorder: Recorder,
@@ -126,7 +126,7 @@ def _method(function: str) -> Callable[..., None]:
     ) -> None:
         _newton(problem, recorder, r0, max_iterations, function, line_search)
 
-    run.__name__ = run.__qualname__ = f"newton_{function}"
+    run.__name__ = run.__qualname__ = name
     run.__doc__ = f"""Newton on `Law.{function}` from `r0` (n, s); W is stored.
 
     line_search : False takes full steps always.  Cost of an iteration: one factorisation of n s unknowns, dense up to
@@ -135,6 +135,6 @@ def _method(function: str) -> Callable[..., None]:
     return run
 
 
-newton_alart_curnier = _method("alart_curnier")
-newton_de_saxce = _method("natural_map")
-newton_fischer_burmeister = _method("fischer_burmeister")
+newton_alart_curnier = _method("alart_curnier", "newton_alart_curnier")
+newton_de_saxce = _method("natural_map", "newton_de_saxce")
+newton_fischer_burmeister = _method("fischer_burmeister", "newton_fischer_burmeister")

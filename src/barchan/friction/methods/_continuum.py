@@ -1,0 +1,105 @@
+"""Friction problems of a continuum: a lumped M, and blocks moved by the many nodes around them (seed B 7.3.5).
+
+Sweeps and accelerated gradients are cheap and mostly enough for the tolerances of such steps. With strong friction they
+may creep along the null space of W: then a central path in velocity space, which does not see it, and Newton from its end.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from barchan.friction.methods._newton_systems import newton_system
+from barchan.friction.methods._portfolio import DEFAULT_WORK, portfolio
+from barchan.friction.methods._velocity_newton import VelocityNewton
+from barchan.friction.methods.apgd import apgd
+from barchan.friction.methods.interior_point import CentralPath
+from barchan.friction.operators import Delassus, build_operator
+from barchan.friction.problem import Problem
+from barchan.friction.residual import law_residual
+from barchan.friction.solution import Recorder
+
+# Columns of H that a contact of two rigid bodies can fill.
+LARGEST_CONTACT = 12
+# Work, in sweeps, over the root of the number of velocities m: a step of the path costs m^1.5, a sweep m.
+STEP_WORK = 8.0
+FIRST_WORK = 40.0
+POLISH_WORK = 3000
+GRADIENT_COST = 2.0
+PATH_STEPS, FEWEST_STEPS, NEWTON_STEPS = 32, 20, 40
+PROGRESS, PATIENCE = 0.9, 8
+
+
+def is_continuum(problem: Problem) -> bool:
+    """Whether M is diagonal, nothing is bilateral, and a block has on average more columns than a contact of two bodies."""
+    if problem.is_reduced or problem.C is not None or problem.factor.diagonal is None:
+        return False
+    return bool(problem.h_rows.data.size > LARGEST_CONTACT * problem.n * problem.s)
+
+
+def solve_continuum(
+    problem: Problem,
+    recorder: Recorder,
+    r0: np.ndarray,
+    max_iterations: int | None,
+    operator: str,
+    min_iterations: int,
+    last: bool,
+) -> float:
+    """Portfolio, central path, Newton, portfolio, from `r0` (n, s); the sweeps that are left.
+
+    max_iterations : bound on the work, in sweeps.  last : spend all of it on the second portfolio (else POLISH_WORK).
+    """
+    budget = float(DEFAULT_WORK if max_iterations is None else max_iterations)
+    first, step = FIRST_WORK * math.sqrt(problem.size), STEP_WORK * math.sqrt(problem.size)
+    helps = budget >= first + FEWEST_STEPS * step
+    sweeps = int(budget) if last and not helps else int(min(first, budget))
+    portfolio(problem, recorder, r0, sweeps, operator, min_iterations, apgd, GRADIENT_COST)
+    budget -= sweeps
+    if helps and not _ended(recorder):
+        budget -= step * _by_factorisations(problem, recorder, operator, int(budget / step))
+    polish = int(budget if last else min(POLISH_WORK, budget))
+    if not _ended(recorder) and polish > 0:
+        assert recorder.best is not None
+        recorder.begin_next()
+        portfolio(problem, recorder, recorder.best, polish, operator, 0, apgd, GRADIENT_COST)
+        budget -= polish
+    return 0.0 if recorder.stopped else max(budget, 0.0)
+
+
+def _ended(recorder: Recorder) -> bool:
+    return recorder.best_residual <= recorder.tolerance or recorder.stopped
+
+
+def _by_factorisations(problem: Problem, recorder: Recorder, operator: str, limit: int) -> int:
+    """The central path, then Newton from its best point (not from the sweeps', which creep); how many factorisations."""
+    delassus = build_operator(problem, operator)
+    recorder.begin_next()
+    done, end = _follow_path(problem, recorder, delassus, min(PATH_STEPS, limit))
+    most = min(NEWTON_STEPS, limit - done)
+    if _ended(recorder) or end is None or most <= 0:
+        return done
+    recorder.begin_next()
+    return done + VelocityNewton(problem, delassus).finish(recorder, end, most)
+
+
+def _follow_path(
+    problem: Problem, recorder: Recorder, delassus: Delassus, limit: int
+) -> tuple[int, np.ndarray | None]:
+    """Steps of the interior point, recorded, until solved or stalled; how many, and its best forces (n, s)."""
+    path = CentralPath(problem, delassus, newton_system(problem, "velocities"))
+    best, stalled, end = math.inf, 0, None
+    for iteration in range(1, limit + 1):
+        if path.advance() is None:
+            return iteration, end
+        r = path.forces()
+        residual = law_residual(problem, r, delassus.apply(r) + delassus.b)[0]
+        if not math.isfinite(residual) or recorder.record(iteration, residual, r):
+            return iteration, end
+        stalled = 0 if residual < PROGRESS * best else stalled + 1
+        if residual < best:
+            best, end = residual, r
+        if stalled >= PATIENCE:
+            return iteration, end
+    return limit, end
