@@ -14,6 +14,7 @@ from barchan.friction.methods._newton_systems import newton_system
 from barchan.friction.methods._portfolio import DEFAULT_WORK, portfolio
 from barchan.friction.methods._velocity_newton import VelocityNewton
 from barchan.friction.methods.apgd import apgd
+from barchan.friction.methods.aspg import aspg
 from barchan.friction.methods.interior_point import CentralPath
 from barchan.friction.operators import Delassus, build_operator
 from barchan.friction.problem import Problem
@@ -26,7 +27,8 @@ LARGEST_CONTACT = 12
 STEP_WORK = 8.0
 FIRST_WORK = 40.0
 POLISH_WORK = 3000
-GRADIENT_COST = 2.0
+# The gradient method of the portfolio and its cost by block size: solving a block of 6 is dear, a sweep of blocks of 3 cheap.
+PLANE, SPATIAL = (apgd, 2.0), (aspg, 1.5)
 PATH_STEPS, FEWEST_STEPS, NEWTON_STEPS = 32, 20, 40
 PROGRESS, PATIENCE = 0.9, 8
 
@@ -54,8 +56,9 @@ def solve_continuum(
     budget = float(DEFAULT_WORK if max_iterations is None else max_iterations)
     first, step = FIRST_WORK * math.sqrt(problem.size), STEP_WORK * math.sqrt(problem.size)
     helps = budget >= first + FEWEST_STEPS * step
+    gradient = PLANE if problem.s <= 3 else SPATIAL
     sweeps = int(budget) if last and not helps else int(min(first, budget))
-    portfolio(problem, recorder, r0, sweeps, operator, min_iterations, apgd, GRADIENT_COST)
+    portfolio(problem, recorder, r0, sweeps, operator, min_iterations, *gradient)
     budget -= sweeps
     if helps and not _ended(recorder):
         budget -= step * _by_factorisations(problem, recorder, operator, int(budget / step))
@@ -63,7 +66,7 @@ def solve_continuum(
     if not _ended(recorder) and polish > 0:
         assert recorder.best is not None
         recorder.begin_next()
-        portfolio(problem, recorder, recorder.best, polish, operator, 0, apgd, GRADIENT_COST)
+        portfolio(problem, recorder, recorder.best, polish, operator, 0, *gradient)
         budget -= polish
     return 0.0 if recorder.stopped else max(budget, 0.0)
 
