@@ -9,7 +9,9 @@ from barchan.cones import Coulomb
 from barchan.flows.mpm import Material, Options, State, Stepper, Walls, fill_box
 from barchan.friction import Problem, solve
 from barchan.friction.methods import _continuum
+from barchan.friction.methods._newton_systems import newton_system
 from barchan.friction.methods._velocity_newton import VelocityNewton
+from barchan.friction.methods.interior_point import CentralPath, follow
 from barchan.friction.operators import build_operator
 from barchan.friction.solution import Recorder
 from barchan.spaces import RegularGrid
@@ -53,7 +55,8 @@ def test_the_central_path_alone_certifies_a_rough_step(hard_problem, monkeypatch
 def test_newton_in_velocity_space_finishes_what_the_path_begins(hard_problem, path_steps):
     operator = build_operator(hard_problem)
     recorder = Recorder(1e-10)
-    done, end = _continuum._follow_path(hard_problem, recorder, operator, path_steps)
+    path = CentralPath(hard_problem, operator, newton_system(hard_problem, "velocities"))
+    done, end = follow(hard_problem, recorder, path, path_steps, shortest_step=0.0)
     assert done == path_steps
     assert recorder.best_residual > 1e-6
     used = VelocityNewton(hard_problem, operator).finish(recorder, end, 60)
@@ -71,11 +74,11 @@ def test_the_work_stays_within_what_is_allowed(hard_problem, budget):
 def test_sweeps_that_run_out_are_taken_up_by_the_path_then_by_newton(hard_problem, monkeypatch):
     asked = []
     auto = importlib.import_module("barchan.friction.methods.auto")
-    follow, islands = _continuum._follow_path, auto._by_islands
+    path, islands = _continuum.follow, auto._by_islands
     few = {"FIRST_WORK": 1.0, "PATH_STEPS": 3, "FEWEST_STEPS": 3, "NEWTON_STEPS": 1, "POLISH_WORK": 20}
     for name, value in few.items():
         monkeypatch.setattr(_continuum, name, value)
-    monkeypatch.setattr(_continuum, "_follow_path", lambda *a: asked.append("path") or follow(*a))
+    monkeypatch.setattr(_continuum, "follow", lambda *a, **o: asked.append("path") or path(*a, **o))
     monkeypatch.setattr(auto, "_by_islands", lambda *a: asked.append("islands") or islands(*a))
     solution = solve(hard_problem, tol=1e-9, max_iterations=40_000)
     assert asked == ["path", "islands"]

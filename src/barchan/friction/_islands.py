@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from barchan.cones._kernels import natural_map_residual_squared
+from barchan.friction._kernels import gather_stored
 from barchan.friction.local._coulomb import solve_exact
 from barchan.linalg.borrowed import borrowed
 
@@ -63,16 +64,9 @@ def find_islands(indptr, indices):
 @njit(cache=True, error_model="numpy")
 def block_rate(S, i, w, b, r, u):
     """u (S,) = row i of W r + b."""
-    indptr, indices, data = w
     for k in range(S):
         u[k] = b[i, k]
-    for entry in range(indptr[i], indptr[i + 1]):
-        j = indices[entry]
-        for k in range(S):
-            total = 0.0
-            for m in range(S):
-                total += data[entry, k, m] * r[j, m]
-            u[k] += total
+    gather_stored(S, i, w, r, u)
 
 
 @cache
@@ -106,7 +100,7 @@ def island_sweeps(S: int) -> Callable[..., float]:
         pointers, members = islands
         residual, spent = out
         rhs, c, t = borrowed(scratch[0]), borrowed(scratch[1]), borrowed(scratch[2])
-        indptr, indices, data = borrowed(w[0]), borrowed(w[1]), borrowed(w[2])
+        w = (borrowed(w[0]), borrowed(w[1]), borrowed(w[2]))
         diagonal, b, local, laws = borrowed(diagonal), borrowed(b), borrowed(local), borrowed(laws)
         r, multiplier = borrowed(r), borrowed(multiplier)
         work = 0.0
@@ -125,13 +119,7 @@ def island_sweeps(S: int) -> Callable[..., float]:
                             for m in range(S):
                                 total -= diagonal[i, k, m] * r[i, m]
                             rhs[k] = total
-                        for entry in range(indptr[i], indptr[i + 1]):
-                            j = indices[entry]
-                            for k in range(S):
-                                total = 0.0
-                                for m in range(S):
-                                    total += data[entry, k, m] * r[j, m]
-                                rhs[k] += total
+                        gather_stored(S, i, w, r, rhs)
                         multiplier[i] = solve_exact(S, i, local, rhs, laws, multiplier[i], r[i], c, t)
                     spent[island] += 1
                     done += 1

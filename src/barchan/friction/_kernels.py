@@ -30,7 +30,7 @@ Kernel: TypeAlias = Callable[..., None]
 
 
 @njit(cache=True, error_model="numpy")
-def _gather_stored(S, i, w, r, rhs):
+def gather_stored(S, i, w, r, rhs):
     """rhs += row i of W times r."""
     indptr, indices, data = w
     for entry in range(indptr[i], indptr[i + 1]):
@@ -86,7 +86,7 @@ def _right_hand_side(S, Q, i, matrix, diagonal, b, r, seen_r, seen_z, rhs, new):
             rhs[k] -= diagonal[i, k, m] * r[i, m]
         new[k] = r[i, k]
     if Q == 0:
-        _gather_stored(S, i, matrix, seen_r, rhs)
+        gather_stored(S, i, matrix, seen_r, rhs)
     else:
         _gather_factored(S, Q, i, matrix, seen_z, rhs)
 

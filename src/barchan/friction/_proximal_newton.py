@@ -59,26 +59,50 @@ def project_with_jacobian(x, mu, sigma, tau, out, jacobian):
 
 
 @njit(cache=True, error_model="numpy")
-def _natural_map(a, b, laws, x, eps, center, u, f, jacobians, active):
-    """u = (A + eps) x + b - eps center and F = x - P(x - u - s(u)); jacobians of P; returns |F|^2."""
+def natural_map_at(u, laws, x, f, jacobians, active):
+    """F = x - P(x - u - s(u)) into f (n, s), P' into jacobians (n, s, s), P' != 0 into active (n,); returns |F|^2."""
     n, s = x.shape
-    flat = np.dot(a, x.reshape(-1))
     point = np.empty(s)
     total = 0.0
     for i in range(n):
         slip = 0.0
         for k in range(s):
-            u[i, k] = flat[i * s + k] + b[i, k] + eps * (x[i, k] - center[i, k])
+            point[k] = x[i, k] - u[i, k]
             if k > 0:
                 slip += u[i, k] * u[i, k]
-        for k in range(s):
-            point[k] = x[i, k] - u[i, k]
         point[0] -= (laws[i, 0] - laws[i, 3]) * math.sqrt(slip)
         active[i] = project_with_jacobian(point, laws[i, 0], laws[i, 1], laws[i, 2], f[i], jacobians[i])
         for k in range(s):
             f[i, k] = x[i, k] - f[i, k]
             total += f[i, k] * f[i, k]
     return total
+
+
+@njit(cache=True, error_model="numpy")
+def rate_derivative(u, law, jacobian, out):
+    """out (s, s) = P' (I + s'(u)) of one block: what a change of its rates u (s,) does to P, with the sign turned."""
+    s = len(u)
+    slip = 0.0
+    for k in range(1, s):
+        slip += u[k] * u[k]
+    slip = math.sqrt(slip)
+    for k in range(s):
+        out[k, 0] = jacobian[k, 0]
+        for m in range(1, s):
+            out[k, m] = jacobian[k, m]
+            if slip > 0.0:
+                out[k, m] += jacobian[k, 0] * (law[0] - law[3]) * u[m] / slip
+
+
+@njit(cache=True, error_model="numpy")
+def _natural_map(a, b, laws, x, eps, center, u, f, jacobians, active):
+    """u = (A + eps) x + b - eps center, and `natural_map_at` it; returns |F|^2."""
+    n, s = x.shape
+    flat = np.dot(a, x.reshape(-1))
+    for i in range(n):
+        for k in range(s):
+            u[i, k] = flat[i * s + k] + b[i, k] + eps * (x[i, k] - center[i, k])
+    return natural_map_at(u, laws, x, f, jacobians, active)
 
 
 @njit(cache=True, error_model="numpy")
@@ -100,16 +124,7 @@ def _newton_direction(a, laws, eps, u, f, jacobians, active):
     for i in range(n):
         if not active[i]:
             continue
-        slip = 0.0
-        for k in range(1, s):
-            slip += u[i, k] * u[i, k]
-        slip = math.sqrt(slip)
-        for k in range(s):
-            product[k, 0] = jacobians[i, k, 0]
-            for m in range(1, s):
-                product[k, m] = jacobians[i, k, m]
-                if slip > 0.0:
-                    product[k, m] += jacobians[i, k, 0] * (laws[i, 0] - laws[i, 3]) * u[i, m] / slip
+        rate_derivative(u[i], laws[i], jacobians[i], product)
         for k in range(s):
             row = place[i] * s + k
             rhs[row] = -f[i, k]

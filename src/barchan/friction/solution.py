@@ -74,6 +74,11 @@ class Recorder:
             self.stopped = True
         return residual <= self.tolerance or self.stopped
 
+    @property
+    def ended(self) -> bool:
+        """Whether the best iterate so far meets the tolerance, or the callback has stopped the solve."""
+        return self.best_residual <= self.tolerance or self.stopped
+
     def begin_next(self) -> None:
         """The next method continues the count of iterations where the last one stopped."""
         self._before = self.history[-1].iteration if self.history else 0

@@ -15,10 +15,9 @@ from barchan.friction.methods._portfolio import DEFAULT_WORK, portfolio
 from barchan.friction.methods._velocity_newton import VelocityNewton
 from barchan.friction.methods.apgd import apgd
 from barchan.friction.methods.aspg import aspg
-from barchan.friction.methods.interior_point import CentralPath
-from barchan.friction.operators import Delassus, build_operator
+from barchan.friction.methods.interior_point import CentralPath, follow
+from barchan.friction.operators import build_operator
 from barchan.friction.problem import Problem
-from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
 
 # Columns of H that a contact of two rigid bodies can fill.
@@ -30,7 +29,6 @@ POLISH_WORK = 3000
 # The gradient method of the portfolio and its cost by block size: solving a block of 6 is dear, a sweep of blocks of 3 cheap.
 PLANE, SPATIAL = (apgd, 2.0), (aspg, 1.5)
 PATH_STEPS, FEWEST_STEPS, NEWTON_STEPS = 32, 20, 40
-PROGRESS, PATIENCE = 0.9, 8
 
 
 def is_continuum(problem: Problem) -> bool:
@@ -60,10 +58,10 @@ def solve_continuum(
     sweeps = int(budget) if last and not helps else int(min(first, budget))
     portfolio(problem, recorder, r0, sweeps, operator, min_iterations, *gradient)
     budget -= sweeps
-    if helps and not _ended(recorder):
+    if helps and not recorder.ended:
         budget -= step * _by_factorisations(problem, recorder, operator, int(budget / step))
     polish = int(budget if last else min(POLISH_WORK, budget))
-    if not _ended(recorder) and polish > 0:
+    if not recorder.ended and polish > 0:
         assert recorder.best is not None
         recorder.begin_next()
         portfolio(problem, recorder, recorder.best, polish, operator, 0, *gradient)
@@ -71,38 +69,14 @@ def solve_continuum(
     return 0.0 if recorder.stopped else max(budget, 0.0)
 
 
-def _ended(recorder: Recorder) -> bool:
-    return recorder.best_residual <= recorder.tolerance or recorder.stopped
-
-
 def _by_factorisations(problem: Problem, recorder: Recorder, operator: str, limit: int) -> int:
     """The central path, then Newton from its best point (not from the sweeps', which creep); how many factorisations."""
     delassus = build_operator(problem, operator)
     recorder.begin_next()
-    done, end = _follow_path(problem, recorder, delassus, min(PATH_STEPS, limit))
+    path = CentralPath(problem, delassus, newton_system(problem, "velocities"))
+    done, end = follow(problem, recorder, path, min(PATH_STEPS, limit), shortest_step=0.0)
     most = min(NEWTON_STEPS, limit - done)
-    if _ended(recorder) or end is None or most <= 0:
+    if recorder.ended or end is None or most <= 0:
         return done
     recorder.begin_next()
     return done + VelocityNewton(problem, delassus).finish(recorder, end, most)
-
-
-def _follow_path(
-    problem: Problem, recorder: Recorder, delassus: Delassus, limit: int
-) -> tuple[int, np.ndarray | None]:
-    """Steps of the interior point, recorded, until solved or stalled; how many, and its best forces (n, s)."""
-    path = CentralPath(problem, delassus, newton_system(problem, "velocities"))
-    best, stalled, end = math.inf, 0, None
-    for iteration in range(1, limit + 1):
-        if path.advance() is None:
-            return iteration, end
-        r = path.forces()
-        residual = law_residual(problem, r, delassus.apply(r) + delassus.b)[0]
-        if not math.isfinite(residual) or recorder.record(iteration, residual, r):
-            return iteration, end
-        stalled = 0 if residual < PROGRESS * best else stalled + 1
-        if residual < best:
-            best, end = residual, r
-        if stalled >= PATIENCE:
-            return iteration, end
-    return limit, end

@@ -77,7 +77,7 @@ def portfolio(
         member.options.pop("min_iterations", None)
         recorder.begin_next()
         budget -= count * member.cost
-        if recorder.best_residual <= recorder.tolerance or recorder.stopped or budget < members[-1].cost:
+        if recorder.ended or budget < members[-1].cost:
             return
         _update(members, member, before, recorder.best_residual, count)
         start = _restart(recorder)

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numba import njit
 
 from barchan.errors import InputError
-from barchan.friction._proximal_newton import project_with_jacobian
+from barchan.friction._proximal_newton import natural_map_at, rate_derivative
 from barchan.friction.methods._newton_systems import block_diagonal
 from barchan.friction.operators import Delassus
 from barchan.friction.problem import Problem
@@ -30,37 +30,10 @@ CLEAR_GAIN = 0.8
 
 
 @njit(cache=True, error_model="numpy")
-def _natural_map(
-    u: np.ndarray,
-    laws: np.ndarray,
-    x: np.ndarray,
-    f: np.ndarray,
-    jacobians: np.ndarray,
-    products: np.ndarray,
-) -> float:
-    """F = x - P(x - u - s(u)) into f (n, s), P' and B = P' (I + s') into (n, s, s); returns |F|^2."""
-    n, s = x.shape
-    point = np.empty(s)
-    total = 0.0
-    for i in range(n):
-        slip = 0.0
-        for k in range(1, s):
-            slip += u[i, k] ** 2
-        slip = math.sqrt(slip)
-        gap = laws[i, 0] - laws[i, 3]
-        for k in range(s):
-            point[k] = x[i, k] - u[i, k]
-        point[0] -= gap * slip
-        project_with_jacobian(point, laws[i, 0], laws[i, 1], laws[i, 2], f[i], jacobians[i])
-        for k in range(s):
-            f[i, k] = x[i, k] - f[i, k]
-            total += f[i, k] ** 2
-            products[i, k, 0] = jacobians[i, k, 0]
-            for m in range(1, s):
-                products[i, k, m] = jacobians[i, k, m]
-                if slip > 0.0:
-                    products[i, k, m] += jacobians[i, k, 0] * gap * u[i, m] / slip
-    return total
+def _rate_derivatives(u: np.ndarray, laws: np.ndarray, jacobians: np.ndarray, out: np.ndarray) -> None:
+    """B = P' (I + s') of every block into out (n, s, s)."""
+    for i in range(len(u)):
+        rate_derivative(u[i], laws[i], jacobians[i], out[i])
 
 
 class VelocityNewton:
@@ -74,7 +47,7 @@ class VelocityNewton:
         self.laws[:, 1:3] /= self.root
         scale = sp.diags_array(np.repeat(self.root[:, 0], s))
         self.H = sp.csr_array(scale @ sp.csr_array(problem.H))
-        self.f = np.empty((n, s))
+        self.f, self.active = np.empty((n, s)), np.empty(n, np.bool_)
         self.jacobians, self.products = np.empty((n, s, s)), np.empty((n, s, s))
 
     def finish(self, recorder: Recorder, r0: np.ndarray, limit: int) -> int:
@@ -110,7 +83,9 @@ class VelocityNewton:
         return law_residual(self.problem, self.root * x, self._rates(x) / self.root)[0]
 
     def _measure(self, x: np.ndarray, u: np.ndarray) -> float:
-        return float(_natural_map(u, self.laws, x, self.f, self.jacobians, self.products))
+        square = float(natural_map_at(u, self.laws, x, self.f, self.jacobians, self.active))
+        _rate_derivatives(u, self.laws, self.jacobians, self.products)
+        return square
 
     def _solve(
         self, center: np.ndarray, term: float, goal: float, limit: int

@@ -10,6 +10,7 @@ import numpy as np
 
 from barchan.friction.methods._inertia import nesterov_inertia
 from barchan.friction.methods._options import check_counts, check_positive
+from barchan.friction.methods._rhythm import Rhythm
 from barchan.friction.methods._scaled import scaled_problem
 from barchan.friction.methods._shift import FIRST_RATE, LaggedShift
 from barchan.friction.problem import Problem
@@ -58,13 +59,10 @@ def ama(
     shift = LaggedShift(scaled, u, shift_rate)
     ahead, rates_ahead, theta = x, u, 1.0
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    rhythm = Rhythm(scaled, recorder, check_every, limit, shift)
     for iteration in range(limit + 1):
-        last = iteration == limit
-        if iteration % check_every == 0 or last:
-            residual = scaled.residual_at(x, u)
-            if recorder.record(iteration, residual, scaled.root * x) or last:
-                return
-            shift.watch(iteration, residual)
+        if rhythm.ends(iteration, x, u):
+            return
         shift.follow(rates_ahead)
         fresh = scaled.project(ahead - gamma * shift.added_to(rates_ahead))
         rates = scaled.rates(fresh)

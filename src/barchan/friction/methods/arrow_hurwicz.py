@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from barchan.friction.methods._options import check_counts, check_positive
+from barchan.friction.methods._rhythm import Rhythm
 from barchan.friction.methods._scaled import scaled_problem
 from barchan.friction.methods._shift import FIRST_RATE, LaggedShift
 from barchan.friction.problem import Problem
@@ -56,13 +57,10 @@ def arrow_hurwicz(
     shift = LaggedShift(scaled, u, shift_rate)
     rates = u
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    rhythm = Rhythm(scaled, recorder, check_every, limit, shift)
     for iteration in range(limit + 1):
-        last = iteration == limit
-        if iteration % check_every == 0 or last:
-            residual = scaled.residual_at(x, u)
-            if recorder.record(iteration, residual, scaled.root * x) or last:
-                return
-            shift.watch(iteration, residual)
+        if rhythm.ends(iteration, x, u):
+            return
         shift.follow(rates)
         x = scaled.project(x - gamma * shift.added_to(rates))
         u = scaled.rates(x)

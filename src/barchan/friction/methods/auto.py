@@ -53,7 +53,7 @@ def auto(
         _by_islands(problem, recorder, IslandSolver(problem, delassus, r0), budget, min_iterations)
         return
     portfolio(problem, recorder, r0, max_iterations, operator, min_iterations)
-    if _finished(recorder) or recorder.best is None or max_iterations is not None:
+    if recorder.ended or recorder.best is None or max_iterations is not None:
         return
     if isinstance(delassus, StoredDelassus):
         recorder.begin_next()
@@ -74,7 +74,7 @@ def _continuum(
     """Sweeps and a central path in velocity space; for what they leave of a small problem, islands and Newton."""
     small = _small(problem, operator)
     left = solve_continuum(problem, recorder, r0, max_iterations, operator, min_iterations, last=not small)
-    if small and left >= 1.0 and not _finished(recorder):
+    if small and left >= 1.0 and not recorder.ended:
         assert recorder.best is not None
         delassus = build_operator(problem, "explicit")
         assert isinstance(delassus, StoredDelassus)
@@ -87,10 +87,6 @@ def _small(problem: Problem, operator: str) -> bool:
     lumped = not problem.is_reduced and problem.C is None and problem.factor.diagonal is not None
     rows = problem.n * problem.s
     return operator == "auto" and rows <= (LARGEST_NEWTON if lumped else LARGEST_DENSE_DELASSUS)
-
-
-def _finished(recorder: Recorder) -> bool:
-    return recorder.best_residual <= recorder.tolerance or recorder.stopped
 
 
 def _by_islands(

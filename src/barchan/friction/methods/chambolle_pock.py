@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from barchan.friction.methods._options import check_counts, check_positive
+from barchan.friction.methods._rhythm import Rhythm
 from barchan.friction.methods._scaled import scaled_problem
 from barchan.friction.methods._shift import FIRST_RATE, LaggedShift
 from barchan.friction.problem import Problem
@@ -59,13 +60,10 @@ def chambolle_pock(
     shift = LaggedShift(scaled, u, shift_rate)
     rates = ahead = u
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    rhythm = Rhythm(scaled, recorder, check_every, limit, shift)
     for iteration in range(limit + 1):
-        last = iteration == limit
-        if iteration % check_every == 0 or last:
-            residual = scaled.residual_at(x, u)
-            if recorder.record(iteration, residual, scaled.root * x) or last:
-                return
-            shift.watch(iteration, residual)
+        if rhythm.ends(iteration, x, u):
+            return
         shift.follow(ahead)
         x = scaled.project(x - sigma * shift.added_to(ahead))
         u = scaled.rates(x)

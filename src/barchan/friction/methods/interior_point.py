@@ -49,31 +49,35 @@ def interior_point(
     if recorder.record(0, law_residual(problem, r0, rates)[0], r0):
         return
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
-    done = _follow(problem, recorder, CentralPath(problem, delassus, newton_system(problem, system)), limit)
-    unsolved = recorder.best_residual > recorder.tolerance and not recorder.stopped
-    if polish and unsolved and done < limit and problem.n * problem.s <= LARGEST_DENSE_DELASSUS:
+    done, _ = follow(problem, recorder, CentralPath(problem, delassus, newton_system(problem, system)), limit)
+    if polish and not recorder.ended and done < limit and problem.n * problem.s <= LARGEST_DENSE_DELASSUS:
         assert recorder.best is not None
         recorder.begin_next()
         newton_de_saxce(problem, recorder, recorder.best, max_iterations=min(limit - done, POLISHING_STEPS))
 
 
-def _follow(problem: Problem, recorder: Recorder, path: CentralPath, limit: int) -> int:
-    """Steps along the path until solved, stalled or at the limit; how many."""
-    stalled, best = 0, math.inf
+def follow(
+    problem: Problem, recorder: Recorder, path: CentralPath, limit: int, shortest_step: float = STALL_STEP
+) -> tuple[int, np.ndarray | None]:
+    """Steps along the path, recorded, until solved, stalled or at the limit; how many, and the path's best forces (n, s).
+
+    A step counts as stalled when it gains less than SLOW on the best residual of the path or is below `shortest_step`.
+    """
+    stalled, best, end = 0, math.inf, None
     for iteration in range(1, limit + 1):
         step = path.advance()
         if step is None:
-            return iteration
+            return iteration, end
         r = path.forces()
-        rates = path.delassus.apply(r) + path.delassus.b
-        residual = law_residual(problem, r, rates)[0]
-        stalled = 0 if residual < SLOW * best and step > STALL_STEP else stalled + 1
-        best = min(best, residual)
-        if not math.isfinite(residual) or recorder.record(iteration, residual, r):
-            return iteration
-        if stalled >= STALLED_STEPS:
-            return iteration
-    return limit
+        residual = law_residual(problem, r, path.delassus.apply(r) + path.delassus.b)[0]
+        if not math.isfinite(residual):
+            return iteration, end
+        stalled = 0 if residual < SLOW * best and step > shortest_step else stalled + 1
+        if residual < best:
+            best, end = residual, r
+        if recorder.record(iteration, residual, r) or stalled >= STALLED_STEPS:
+            return iteration, end
+    return limit, end
 
 
 class CentralPath:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from barchan.friction.methods._options import check_choice, check_counts, check_positive
+from barchan.friction.methods._rhythm import Rhythm
 from barchan.friction.methods._scaled import ScaledProblem, scaled_problem
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Recorder
@@ -57,11 +58,9 @@ def projected_gradient(
     u = scaled.rates(x)
     length = 1.0 / scaled.lipschitz if step is None else step
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    rhythm = Rhythm(scaled, recorder, check_every, limit)
     for iteration in range(limit + 1):
-        last = iteration == limit
-        if (iteration % check_every == 0 or last) and (
-            recorder.record(iteration, scaled.residual_at(x, u), scaled.root * x) or last
-        ):
+        if rhythm.ends(iteration, x, u):
             return
         x, u, length = search(scaled, x, u, length, function)
 

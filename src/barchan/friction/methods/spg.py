@@ -11,6 +11,7 @@ from collections import deque
 import numpy as np
 
 from barchan.friction.methods._options import check_counts
+from barchan.friction.methods._rhythm import Rhythm
 from barchan.friction.methods._scaled import scaled_problem
 from barchan.friction.methods._shift import FIRST_RATE, LaggedShift
 from barchan.friction.problem import Problem
@@ -58,13 +59,10 @@ def spg(
     # Objective values relative to that of the current iterate: free of cancellation.
     past: deque[float] = deque([0.0], maxlen=memory)
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    rhythm = Rhythm(scaled, recorder, check_every, limit, shift)
     for iteration in range(limit + 1):
-        last = iteration == limit
-        if iteration % check_every == 0 or last:
-            residual = scaled.residual_at(x, u)
-            if recorder.record(iteration, residual, scaled.root * x) or last:
-                return
-            shift.watch(iteration, residual)
+        if rhythm.ends(iteration, x, u):
+            return
         shift.follow(u)
         gradient = shift.added_to(u)
         direction = scaled.project(x - spectral * gradient) - x

@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from barchan.friction.methods._options import check_choice, check_counts, check_positive
+from barchan.friction.methods._rhythm import Rhythm
 from barchan.friction.methods._scaled import ScaledProblem, scaled_problem
 from barchan.friction.methods._tangent_cone import project_tangent_blocks
 from barchan.friction.problem import Problem
@@ -54,11 +55,9 @@ def tangent_gradient(
     u = scaled.rates(x)
     reach = None if tangent == "exact" else (probe or 1.0 / scaled.lipschitz)
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
+    rhythm = Rhythm(scaled, recorder, check_every, limit)
     for iteration in range(limit + 1):
-        last = iteration == limit
-        if (iteration % check_every == 0 or last) and (
-            recorder.record(iteration, scaled.residual_at(x, u), scaled.root * x) or last
-        ):
+        if rhythm.ends(iteration, x, u):
             return
         x, u = _advance(scaled, x, u, reach)
 
