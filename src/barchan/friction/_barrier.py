@@ -38,14 +38,18 @@ def cone_det(x):
 @njit(cache=True, error_model="numpy")
 def longest_step(x, d):
     """Largest a with x + a d in K_1, for x inside."""
-    aa, ab, bb = d[0] * d[0], x[0] * d[0], cone_det(x)
+    aa, ab, bb = cone_det(d), x[0] * d[0], cone_det(x)
     for k in range(1, len(x)):
-        aa -= d[k] * d[k]
         ab -= x[k] * d[k]
     step = math.inf
     if d[0] < 0.0:
         step = -x[0] / d[0]
-    disc = ab * ab - aa * bb
+    # ab^2 - aa bb, by Lagrange's identity: zero, not the root of rounding, where d is parallel to x.
+    disc = 0.0
+    for k in range(1, len(x)):
+        disc += (x[0] * d[k] - d[0] * x[k]) ** 2
+        for m in range(1, k):
+            disc -= (x[m] * d[k] - d[m] * x[k]) ** 2
     if disc >= 0.0:
         q = -(ab + math.copysign(math.sqrt(disc), ab))
         if aa != 0.0 and q / aa > 0.0:

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
+from scipy.linalg import lapack
 
 from barchan.errors import InputError
 from barchan.friction import _barrier
@@ -22,7 +22,7 @@ LARGEST_DENSE = 300
 LARGEST_STORED = 1500
 DENSE_FILL = 0.2
 REFINEMENTS = 2
-SOFTENING = 1e-9
+LARGEST_ENTRY = 1e6
 
 
 class Blocks(NamedTuple):
@@ -95,9 +95,9 @@ class _ForceSystem:
             self.system[self.index[:, :, None], self.index[:, None, :]] += added
             self.system[fixed], self.system[:, fixed] = 0.0, 0.0
             self.system[fixed, fixed] = 1.0
-            factors = la.lu_factor(self.system, check_finite=False)
-            self.back = lambda g: la.lu_solve(factors, g, check_finite=False)
-            return True
+            factors, pivots, singular = lapack.dgetrf(self.system)
+            self.back = lambda g: lapack.dgetrs(factors, pivots, g)[0]
+            return not singular
         keep = np.ones(self.index.size)
         keep[fixed] = 0.0
         mask = sp.diags_array(keep)
@@ -122,9 +122,10 @@ class _ForceSystem:
 
 
 class _VelocitySystem:
-    """M + H'^T D H' with D = (N Theta + delta I)^-1, bordered by C; dr = D (g - H' dv).
+    """M + H'^T D H' with D = (N Theta)^-1, bordered by C; dr = D (g - H' dv).
 
-    delta keeps the compliance D of sticking blocks finite; the refinement of `solve` takes it out again.
+    Towards the end of the path Theta or D grows beyond LARGEST_ENTRY and elimination would lose M or dr in rounding: the
+    forces then stay in the system, [[M, -H'^T], [H', N Theta]], which costs more and loses nothing.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -136,32 +137,60 @@ class _VelocitySystem:
 
     def factorise(self, blocks: Blocks) -> bool:
         stiffness = blocks.combined()
+        if not np.isfinite(stiffness).all():
+            return False
+        # Tangential forces of blocks without a cone are held at zero, here by a unit stiffness that nothing loads.
         held = blocks.shape[:, _barrier.CONE] == 0.0
+        stiffness[held, 1:, 1:] = np.eye(stiffness.shape[1] - 1)
+        loaded = np.ones(stiffness.shape[:2])
+        loaded[held, 1:] = 0.0
+        self.coupling = sp.csr_array(sp.diags_array(loaded.ravel()) @ self.H)
+        inverse = _inverse(stiffness)
+        self.eliminated = inverse is not None
+        if inverse is not None:
+            self.D = block_diagonal(inverse)
+            self.system = _added(self.border, self.coupling.T @ (self.D @ self.coupling))
+        else:
+            pull = sp.csr_array(-self.coupling.T)
+            pull.resize(self.border.shape[0], pull.shape[1])
+            push = self.coupling.copy()
+            push.resize(push.shape[0], self.border.shape[1])
+            self.system = sp.csr_array(
+                sp.block_array([[self.border, pull], [push, block_diagonal(stiffness)]])
+            )
         try:
-            inverse = np.linalg.inv(stiffness + SOFTENING * np.eye(stiffness.shape[1]))
-        except np.linalg.LinAlgError:
-            return False
-        if not np.isfinite(inverse).all():
-            return False
-        inverse[held, 1:, 1:] = 0.0
-        self.D, self.stiffness = block_diagonal(inverse), block_diagonal(stiffness)
-        added = sp.coo_array(self.H.T @ (self.D @ self.H))
-        added.resize(self.border.shape)
-        try:
-            self.back = sparse_solver(sp.csr_array(self.border + added), "M", positive=False)
+            self.back = sparse_solver(self.system, "M", positive=False)
         except InputError:
             return False
         return True
 
     def solve(self, g: np.ndarray) -> np.ndarray:
-        """Refined as the pair (dv, dr) of M dv = H'^T dr + C^T dl, H' dv + N Theta dr = g: dv alone would lose digits of dr."""
-        rhs = g.reshape(-1)
-        dr, unknowns = np.zeros_like(rhs), np.zeros(self.border.shape[0])
-        for _ in range(REFINEMENTS + 1):
-            miss = rhs - self.H @ unknowns[: self.m] - self.stiffness @ dr
-            load = -(self.border @ unknowns)
-            load[: self.m] += self.H.T @ (dr + self.D @ miss)
-            step = self.back(load)
-            unknowns = unknowns + step
-            dr = dr + self.D @ (miss - self.H @ step[: self.m])
-        return np.asarray(dr).reshape(g.shape)
+        load = np.zeros(self.system.shape[0])
+        if self.eliminated:
+            load[: self.m] = self.coupling.T @ (self.D @ g.reshape(-1))
+        else:
+            load[self.border.shape[0] :] = g.reshape(-1)
+        unknowns = self.back(load)
+        for _ in range(REFINEMENTS):
+            unknowns = unknowns + self.back(load - self.system @ unknowns)
+        if not self.eliminated:
+            return np.asarray(unknowns[self.border.shape[0] :]).reshape(g.shape)
+        return np.asarray(self.D @ (g.reshape(-1) - self.coupling @ unknowns[: self.m])).reshape(g.shape)
+
+
+def _inverse(stiffness: np.ndarray) -> np.ndarray | None:
+    """Inverse blocks (n, s, s); None where they or the blocks are too large to be eliminated."""
+    if np.abs(stiffness).max() > LARGEST_ENTRY:
+        return None
+    try:
+        inverse = np.linalg.inv(stiffness)
+    except np.linalg.LinAlgError:
+        return None
+    return inverse if np.abs(inverse).max() <= LARGEST_ENTRY else None
+
+
+def _added(border: sp.csr_array, block: sp.sparray) -> sp.csr_array:
+    """border plus `block` in its upper left corner."""
+    corner = sp.coo_array(block)
+    corner.resize(border.shape)
+    return sp.csr_array(border + corner)
