@@ -28,6 +28,7 @@ ROOMS = (
     "results",
     "bench",
     "scenes",
+    "reproductions",
     "cli",
 )
 """The rooms from the ground up; a room may import those before it in this list."""

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from pydantic.fields import FieldInfo
 
+from barchan.scenes.kinds import KIND_NAMES
+from barchan.scenes.parameters import Group
 from barchan.scenes.validation import accepted, known_tables
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "scenes.md"
@@ -20,27 +22,38 @@ END = "<!-- end of the table written by tools/scene_table.py -->\n"
 
 
 def table() -> str:
-    """Every key of a scene file in Markdown: one table to each table of the file."""
-    lines = []
-    for name, group in known_tables().items():
-        lines += [
-            f"\n### `[{name}]`\n",
-            "| key | meaning and unit | default | accepted |",
-            "| --- | --- | --- | --- |",
-        ]
-        for key, field in group.model_fields.items():
-            cells = (f"`{key}`", field.description or "", default(field), accepted(field))
-            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    """Every key of the scene files of every kind in Markdown: one table to each table of a file."""
+    lines: list[str] = []
+    for kind in KIND_NAMES:
+        lines.append(f"\n## Kind `{kind}`")
+        for name, group in known_tables(kind).items():
+            lines += table_of(name, group)
     return "\n".join(lines) + "\n\n"
 
 
-def default(field: FieldInfo) -> str:
-    """The default of a key as it would stand in the file, or "required"."""
+def table_of(name: str, group: type[Group]) -> list[str]:
+    """The lines of one table; of one whose keys the user names, what stands below each of them."""
+    heading, keys = (f"[{name}]", group) if group.entries is None else (f"[{name}.NAME]", group.entries)
+    lines = [
+        f"\n### `{heading}`\n",
+        "| key | meaning and unit | default | accepted |",
+        "| --- | --- | --- | --- |",
+    ]
+    for key, field in keys.model_fields.items():
+        cells = (f"`{key}`", field.description or "", default(name, field), accepted(field))
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return lines
+
+
+def default(table_name: str, field: FieldInfo) -> str:
+    """The default of a key as it would stand in the file, "none" where it is left out, or "required"."""
     if field.is_required():
         return "required"
     value = field.get_default()
     # Side walls have no default of their own because a plane box has none; in space they slip.
-    return f"`{json.dumps('slip' if value is None else value)}`"
+    if value is None and table_name == "walls":
+        value = "slip"
+    return "none" if value is None else f"`{json.dumps(value)}`"
 
 
 def with_table(page: str) -> str:

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from barchan import cli, scenes
-from barchan.scenes import column, finish
+from barchan.scenes import finish
+from barchan.scenes.kinds.column import model as column
 
 Complaint = Callable[..., str]
 SmallRun = Callable[..., list[str]]

@@ -28,7 +28,7 @@ def sliding_block(dimension: int, frames: int = 12) -> Results:
             "volumes": np.full(len(start), 0.01**dimension),
         }
         grid = {"node_ids": np.zeros(0, dtype=np.int64), "cells": np.zeros((0, 2**dimension), dtype=np.int32)}
-        store.put_frame(k, frame_tree(particles, grid, {}, {"time": 0.1 * k}))
+        store.put_frame(k, frame_tree({"particles": particles, "grid": grid}, {}, {"time": 0.1 * k}))
     size = [1.0, 0.1, 0.2] if dimension == 3 else [1.0, 0.2]
     return results_in_memory(store, f"[box]\nsize = {size}\n")
 

@@ -25,17 +25,19 @@ SCENE = '[scene]\nname = "made-up"\n[box]\nsize = [1.0, 0.5]\n'
 def a_frame(index: int, dimension: int = 2, count: int = 50) -> dict:
     rng = np.random.default_rng(index)
     return frame_tree(
-        particles={
-            "positions": rng.random((count, dimension)),
-            "velocities": rng.random((count, dimension)),
-            "volumes": rng.random(count),
-        },
-        grid={
-            "node_ids": np.arange(2**dimension),
-            "positions": rng.random((2**dimension, dimension)),
-            "velocities": rng.random((2**dimension, dimension)),
-            "cells": np.arange(2**dimension, dtype=np.int32)[None],
-            "stresses": rng.random((2**dimension, 3 * dimension - 3)),
+        groups={
+            "particles": {
+                "positions": rng.random((count, dimension)),
+                "velocities": rng.random((count, dimension)),
+                "volumes": rng.random(count),
+            },
+            "grid": {
+                "node_ids": np.arange(2**dimension),
+                "positions": rng.random((2**dimension, dimension)),
+                "velocities": rng.random((2**dimension, dimension)),
+                "cells": np.arange(2**dimension, dtype=np.int32)[None],
+                "stresses": rng.random((2**dimension, 3 * dimension - 3)),
+            },
         },
         steps={"time": 0.1 * index - np.array([0.05, 0.0]), "sweeps": np.array([index, 7])} if index else {},
         observables={"time": 0.1 * index, "front": 1.0 + index},

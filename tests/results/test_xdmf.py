@@ -42,7 +42,12 @@ def movie(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[Path, int]:
             "volumes": np.ones(9 + k),
         }
         store.put_frame(
-            k, frame_tree(particles, grid, {"time": np.array([k])} if k else {}, {"time": 0.25 * k})
+            k,
+            frame_tree(
+                {"particles": particles, "grid": grid},
+                {"time": np.array([k])} if k else {},
+                {"time": 0.25 * k},
+            ),
         )
     assemble(store, 3, "", tmp_path / "results.h5")
     write_xdmf(tmp_path / "results.h5", tmp_path / "results.xdmf")

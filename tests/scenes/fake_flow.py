@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from barchan import scenes, storage
-from barchan.scenes import finish, observables
+from barchan.scenes import finish
+from barchan.scenes.kinds.column import observables
 
 TINY = {
     "scene.name": "tiny",
@@ -97,6 +98,12 @@ class FakeModel:
 
     def _volumes(self):
         return np.full(self.count, observables.column_volume(self.parameters) / self.count)
+
+    def ended(self, state):
+        return False
+
+    def frame(self, state):
+        return {"particles": self.particles(state), "grid": self.grid(state)}
 
     def particles(self, state):
         return {"positions": state.positions, "velocities": -state.positions, "volumes": self._volumes()}

@@ -7,8 +7,8 @@ import pytest
 
 from barchan import scenes
 from barchan.flows.mpm import Wall
-from barchan.scenes.column import ColumnModel, active_cells, build_walls
-from barchan.scenes.observables import column_volume
+from barchan.scenes.kinds.column.model import ColumnModel, active_cells, build_walls
+from barchan.scenes.kinds.column.observables import column_volume
 from barchan.spaces import RegularGrid
 
 SMALL_2D = {

@@ -150,7 +150,7 @@ WRONG = [
     ("solver.max_sweeps", 0, r"solver\.max_sweeps = 0: must be a whole number >= 1"),
     ("particles.per_cell", 2.5, r"particles\.per_cell = 2\.5: must be a whole number"),
     ("particles.transfer", "flip", r"particles\.transfer = flip: must be one of 'apic', 'pic'"),
-    ("scene.kind", "silo", r"scene\.kind = silo: must be one of 'column'"),
+    ("scene.kind", "sylo", r"scene\.kind = sylo: must be one of 'column', 'silo'"),
     ("scene.name", "a/b", r"scene\.name = a/b"),
 ]
 

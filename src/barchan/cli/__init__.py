@@ -1,4 +1,4 @@
-"""The command line: `barchan run`, `barchan scenes`, `barchan solve`, `barchan bench`.
+"""The command line: `barchan run`, `barchan scenes`, `barchan solve`, `barchan bench`, `barchan reproduce`.
 
 Exit codes: 0 done, 2 bad input (one line on standard error, no traceback), 3 not converged, 130 interrupted.
 Heavy imports wait until a command needs them, so that `barchan --help` answers at once.
@@ -83,6 +83,21 @@ def solve(
     from barchan.cli.solve import solve_command
 
     raise typer.Exit(solve_command(file, method, tol, existence))
+
+
+@app.command()
+def reproduce(
+    name: Annotated[str | None, typer.Argument(help="What to compute again; without it a list.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of runs, tables and pictures; default: runs/reproduce-<name>.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer and coarser runs.")] = False,
+    processes: Annotated[int, typer.Option(help="How many scenes run at a time.")] = 2,
+) -> None:
+    """Compute published figures and tables again and show both; goes on where an interrupted call was."""
+    from barchan.cli.reproduce import reproduce_command
+
+    raise typer.Exit(reproduce_command(name, out, quick, processes))
 
 
 @bench.command("solvers")

@@ -13,6 +13,7 @@ from rich.table import Table
 from barchan import scenes
 from barchan.cli import INTERRUPTED, NOT_CONVERGED
 from barchan.errors import InputError
+from barchan.scenes.kinds import find_kind
 from barchan.scenes.loading import parse_setting
 
 RUNS_FOLDER = Path("runs")
@@ -39,37 +40,32 @@ def run_command(scene_name: str, out: Path | None, settings: list[str], resume: 
 def list_scenes() -> None:
     """A table of the presets on standard output."""
     table = Table(title="scenes", title_justify="left")
-    for heading in ("name", "dimension", "grid", "description"):
+    for heading in ("name", "kind", "dimension", "size", "description"):
         table.add_column(heading)
     for name in scenes.preset_names():
         parameters = scenes.load(name).parameters
-        grid = " x ".join(str(count) for count in parameters.box.cells)
-        table.add_row(name, f"{parameters.dimension}D", grid, parameters.scene.description)
+        header = parameters.scene
+        table.add_row(name, header.kind, f"{parameters.dimension}D", parameters.size, header.description)
     Console().print(table)
 
 
 def _show_summary(finished: scenes.Run) -> None:
     """The figures a person asks for first."""
-    summary, console = finished.summary, Console()
+    console = Console()
     if finished.already_finished:
         console.print(f"{finished.folder} holds this run, already finished:", highlight=False, soft_wrap=True)
     table = Table(show_header=False, box=None)
-    for name, value in _figures(summary):
+    for name, value in _figures(finished):
         table.add_row(name, value)
     console.print(table)
     console.print(f"results, summary and pictures: {finished.folder}", highlight=False, soft_wrap=True)
 
 
-def _figures(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    rest = f"from t = {summary['duration']:.3g} s" if summary["duration"] is not None else "no"
+def _figures(finished: scenes.Run) -> list[tuple[str, str]]:
+    summary = finished.summary
+    kind = finished.results.scene["scene"]["kind"]
     return [
-        ("front", f"{summary['front']:.4g} m, 99.5 % of the volume {summary['front_bulk']:.4g} m"),
-        ("run-out (L - L0)/L0", f"{summary['run_out']:.3g} (bulk {summary['run_out_bulk']:.3g})"),
-        ("height H/H0", f"{summary['height_ratio']:.3g}"),
-        ("steepest, mean slope", f"{summary['slope_steepest']:.1f}, {summary['slope_mean']:.1f} degrees"),
-        ("at rest", rest),
-        ("volume drift", f"{summary['volume_drift']:.1e}"),
-        ("largest volume fraction", f"{summary['largest_volume_fraction']:.3f}"),
+        *find_kind(kind).figures(summary),
         ("worst certificate", f"{summary['worst_certificate']:.1e}, tolerance {summary['tolerance']:.0e}"),
         ("steps, sweeps", f"{summary['steps']}, {summary['sweeps']}"),
         ("time", f"{summary['seconds_total']:.1f} s on {summary['threads']} threads"),

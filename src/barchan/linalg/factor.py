@@ -6,9 +6,9 @@ Pardiso (extra `fast`) serves large sparse matrices where present, else SuperLU.
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,9 +16,12 @@ import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
 from barchan.errors import InputError
+from barchan.linalg.pardiso import Pardiso, available
 
 LARGEST_DENSE_COMPONENT = 64
 SYMMETRY_TOLERANCE = 1e-8
+LARGEST_SUPERLU = 1000  # unknowns of a positive definite matrix beyond which Pardiso is preferred
+Solver: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -26,11 +29,14 @@ class Factor:
     """Solves M x = rhs for (m,) or (m, k) right-hand sides.
 
     `kind` is "diagonal", "blocks" or "sparse"; `inverse` holds M^-1 when that is sparse (diagonal and blocks), else None.
+    `root` of a sparse factor gives R z for (m, k) arrays z, with some (m, m) R such that R R^T = M^-1, at half the cost of
+    a solve.
     """
 
     kind: str
-    solve: Callable[[np.ndarray], np.ndarray]
+    solve: Solver
     inverse: sp.csr_array | None = None
+    root: Solver | None = None
 
     @property
     def diagonal(self) -> np.ndarray | None:
@@ -59,7 +65,8 @@ def factorise(M: sp.csr_array, name: str = "M") -> Factor:
     if np.bincount(label).max() <= LARGEST_DENSE_COMPONENT:
         inverse = _inverse_by_components(M, label, count, name)
         return Factor("blocks", lambda x: inverse @ x, inverse)
-    return Factor("sparse", sparse_solver(M, name, positive=True))
+    solve, root = _positive_solver(M, name)
+    return Factor("sparse", solve, root=root)
 
 
 def check_symmetric(M: sp.csr_array, name: str, tolerance: float = SYMMETRY_TOLERANCE) -> None:
@@ -100,25 +107,61 @@ def _inverse_by_components(M: sp.csr_array, label: np.ndarray, count: int, name:
     return sp.csr_array(triplets, shape=M.shape)
 
 
-def sparse_solver(M: sp.csr_array, name: str, positive: bool) -> Callable[[np.ndarray], np.ndarray]:
-    """Direct solver of a sparse symmetric matrix; with `positive`, refuses an indefinite one (signs of the pivots)."""
-    if positive or importlib.util.find_spec("pypardiso") is None:
-        options = {"SymmetricMode": True} if positive else {}
-        try:
-            factor = spla.splu(
-                sp.csc_array(M),
-                permc_spec="MMD_AT_PLUS_A" if positive else "COLAMD",
-                diag_pivot_thresh=0.0 if positive else 1.0,
-                options=options,
-            )
-        except RuntimeError:
-            raise InputError(name, "singular matrix", "invertible") from None
-        if positive and (factor.U.diagonal() <= 0.0).any():
-            raise InputError(name, "matrix with a non-positive pivot", "positive definite")
-        return factor.solve
-    import pypardiso
+def sparse_solver(M: sp.csr_array, name: str, positive: bool) -> Solver:
+    """Direct solver of a sparse matrix, by Pardiso where present, else SuperLU.
 
-    pardiso = pypardiso.PyPardisoSolver(mtype=11)
-    matrix = sp.csr_array(M)
-    pardiso.factorize(matrix)
-    return lambda rhs: pardiso.solve(matrix, rhs)
+    Raises
+    ------
+    InputError : singular matrix, as far as the factorisation shows it; with `positive`, one that is not positive definite.
+    """
+    if positive:
+        return _positive_solver(M, name)[0]
+    singular = InputError(name, "singular matrix", "invertible")
+    M = sp.csr_array(M, dtype=float)
+    if not np.diff(M.indptr).all():
+        raise singular
+    if not available():
+        try:
+            return spla.splu(sp.csc_array(M)).solve
+        except RuntimeError:
+            raise singular from None
+    if not M.has_canonical_format:
+        M = M.copy()
+        M.sum_duplicates()
+    pardiso = Pardiso(M.indptr, M.indices, M.data, "general")
+    if not pardiso.factorise(M.data):
+        raise singular
+    return pardiso.solve
+
+
+def _positive_solver(M: sp.csr_array, name: str) -> tuple[Solver, Solver]:
+    """`solve` and `root` of a positive definite matrix; refuses an indefinite one (signs of the pivots)."""
+    indefinite = InputError(name, "matrix with a non-positive pivot", "positive definite")
+    if M.shape[0] > LARGEST_SUPERLU and available():
+        upper = sp.csr_array(sp.triu(M, format="csr"))
+        upper.sum_duplicates()
+        pardiso = Pardiso(upper.indptr, upper.indices, upper.data, "positive")
+        if not pardiso.factorise(upper.data):
+            raise indefinite
+        return pardiso.solve, pardiso.solve_backward
+    try:
+        factor = spla.splu(
+            sp.csc_array(M),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+    except RuntimeError:
+        raise InputError(name, "singular matrix", "invertible") from None
+    # A vanishing pivot makes SuperLU exchange rows, after which the signs mean nothing.
+    if (factor.U.diagonal() <= 0.0).any() or not np.array_equal(factor.perm_r, factor.perm_c):
+        raise indefinite
+
+    def root(z: np.ndarray) -> np.ndarray:
+        # U = diag(U) L^T, since rows and columns are permuted alike, so that U^-1 diag(U)^1/2 is a root of the inverse.
+        half = np.sqrt(factor.U.diagonal())
+        return np.asarray(
+            spla.spsolve_triangular(factor.U.tocsr(), (z.T * half).T, lower=False)[factor.perm_c]
+        )
+
+    return factor.solve, root

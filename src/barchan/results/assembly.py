@@ -1,8 +1,9 @@
 """results.h5 of a finished run, assembled from the frame images in one deterministic pass.
 
-Layout: /frames/00012/{particles,grid}/<array>, /observables/<name> (frames,), /steps/<name> (steps,), and the
-attributes `format`, `dimension` and `scene` (complete TOML); see frames.py for the arrays. It holds no
-wall-clock figure, host name or date, so an uninterrupted run and one killed and resumed give the same bytes.
+Layout: /frames/00012/<group>/<array>, /mesh/<array> of a run on a mesh, /observables/<name> (frames,),
+/steps/<name> (steps,), and the attributes `format`, `dimension` and `scene` (complete TOML); see frames.py for the
+groups. It holds no wall-clock figure, host name or date, so an uninterrupted run and one killed and resumed give the same
+bytes.
 """
 
 from __future__ import annotations
@@ -13,11 +14,13 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from barchan.results.frames import MESH
 from barchan.results.sealed import read_tree, write_tree
 from barchan.results.store import Store
 from barchan.storage import replacing
 
 FORMAT = "barchan results 1"
+TABLES = ("dimension", "steps", "observables")
 
 
 def assemble(store: Store, frame_count: int, scene_toml: str, path: Path) -> None:
@@ -34,8 +37,11 @@ def assemble(store: Store, frame_count: int, scene_toml: str, path: Path) -> Non
         for index in range(frame_count):
             with h5py.File(io.BytesIO(store.frame_image(index)), "r") as source:
                 group = frames.create_group(f"{index:05d}")
-                for name in ("particles", "grid"):
-                    source.copy(name, group)
+                for name in sorted(
+                    source, reverse=True
+                ):  # particles before grid: the order shows in the bytes
+                    if name not in TABLES:
+                        source.copy(name, target if name == MESH else group)
                 target.attrs["dimension"] = source["dimension"][()]
                 steps.append(read_tree(source["steps"]))
                 observables.append(read_tree(source["observables"]))

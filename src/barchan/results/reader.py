@@ -18,8 +18,8 @@ import h5py
 import numpy as np
 
 from barchan.errors import InputError
-from barchan.results.assembly import FORMAT, concatenate_steps, stack_observables
-from barchan.results.frames import with_true_dimension
+from barchan.results.assembly import FORMAT, TABLES, concatenate_steps, stack_observables
+from barchan.results.frames import MESH, with_true_dimension
 from barchan.results.sealed import Tree, read_image, read_tree, unseal
 from barchan.results.store import (
     RESULTS_FILE,
@@ -38,8 +38,11 @@ class Source(Protocol):
     def frame_count(self) -> int:
         """Number of frames."""
 
+    def groups(self) -> list[str]:
+        """Names of the groups that the frames hold, and of the mesh if there is one."""
+
     def frame_group(self, index: int, group: str) -> Tree:
-        """Arrays of group "particles" or "grid" of a frame."""
+        """Arrays of a group of a frame; the mesh is that of frame 0."""
 
     def table(self, name: str) -> Tree:
         """Arrays of table "steps" or "observables"."""
@@ -87,7 +90,7 @@ class Results:
         Positions and velocities are stored in single precision. Raises InputError for a frame that does not
         exist.
         """
-        return self._source.frame_group(self._checked(frame), "particles")
+        return self._group(frame, "particles")
 
     def grid(self, frame: int) -> dict[str, np.ndarray]:
         """Active nodes of a frame: node_ids (n,), positions (n, d), velocities (n, d), stresses (n, s) in Pa,
@@ -96,13 +99,46 @@ class Results:
 
         Raises InputError for a frame that does not exist.
         """
-        return self._source.frame_group(self._checked(frame), "grid")
+        return self._group(frame, "grid")
+
+    @cached_property
+    def mesh(self) -> dict[str, np.ndarray]:
+        """The mesh of a finite-element run: positions (V, d) of the vertices, cells (c, corners) rows of vertex numbers.
+
+        Raises InputError for a run without mesh.
+        """
+        return self._group(0, MESH)
+
+    def fields(self, frame: int) -> dict[str, np.ndarray]:
+        """Fields of a frame at the vertices of the mesh: velocities (V, d), stresses (V, s) in block coordinates,
+        pressures, shear_stresses, shear_rates (V,), plug (V,), 1 where the material does not yield. Units are those of the scene.
+
+        Raises InputError for a frame that does not exist and for a run without mesh.
+        """
+        return self._group(frame, "fields")
+
+    def lines(self, frame: int) -> dict[str, np.ndarray]:
+        """Values of a frame sampled along lines, each (m,), named by the kind of scene (`profile_y`, `profile_ux`, ...).
+
+        Raises InputError for a frame that does not exist and for a run without lines.
+        """
+        return self._group(frame, "lines")
 
     @property
     def summary(self) -> dict[str, Any]:
         """The contents of summary.json; empty until the run is finished."""
         path = None if self.folder is None else self.folder / SUMMARY_FILE
         return {} if path is None or not path.exists() else read_summary(path)
+
+    def holds(self, group: str) -> bool:
+        """Whether the frames have a group of that name ("particles", "grid", "mesh", "fields", "lines")."""
+        return group in self._source.groups()
+
+    def _group(self, frame: int, group: str) -> dict[str, np.ndarray]:
+        """A group of a frame."""
+        if not self.holds(group):
+            raise InputError("group", group, "one of " + ", ".join(self._source.groups()) + " in this run")
+        return self._source.frame_group(self._checked(frame), group)
 
     def _checked(self, frame: int) -> int:
         """Index counted from 0 of an existing frame."""
@@ -171,11 +207,14 @@ class _FinishedSource:
         with reading(self._path) as file:
             return len(file["frames"])
 
+    def groups(self) -> list[str]:
+        with reading(self._path) as file:
+            return [*file["frames/00000"], *([MESH] if MESH in file else [])]
+
     def frame_group(self, index: int, group: str) -> Tree:
         with reading(self._path) as file:
-            return with_true_dimension(
-                read_tree(file[f"frames/{index:05d}/{group}"]), int(file.attrs["dimension"])
-            )
+            place = MESH if group == MESH else f"frames/{index:05d}/{group}"
+            return with_true_dimension(read_tree(file[place]), int(file.attrs["dimension"]))
 
     def table(self, name: str) -> Tree:
         with reading(self._path) as file:
@@ -189,8 +228,11 @@ class _ImageSource:
         self._image = image
         self.frame_count = count
 
+    def groups(self) -> list[str]:
+        return [name for name in unseal(self._image(0)) if name not in TABLES]
+
     def frame_group(self, index: int, group: str) -> Tree:
-        frame = unseal(self._image(index))
+        frame = unseal(self._image(0 if group == MESH else index))
         return with_true_dimension(frame[group], int(frame["dimension"]))
 
     def table(self, name: str) -> Tree:

@@ -23,6 +23,7 @@ RESULTS_FILE = "results.h5"
 SUMMARY_FILE = "summary.json"
 CHECKPOINT_FILE = "checkpoint.h5"
 XDMF_FILE = "results.xdmf"
+FIELDS_FILE = "fields.vtu"
 FRAMES_FOLDER = "frames"
 PICTURES_FOLDER = "pictures"
 

@@ -1,8 +1,8 @@
 """results.xdmf: the light XML beside results.h5 that lets ParaView open the run as a movie.
 
-Two blocks per time: the particles (a Polyvertex cloud with velocity and volume) and the active grid cells
-(quadrilaterals or hexahedra with nodal velocity, pressure, shear stress and volume fraction). Nothing is
-copied: every DataItem points into results.h5.
+A material point run has two blocks per time: the particles (a Polyvertex cloud with velocity and volume) and
+the active grid cells with their nodal fields. A finite-element run has one: its mesh, the same at all times,
+with the fields at the vertices. Nothing is copied: every DataItem points into results.h5.
 """
 
 from __future__ import annotations
@@ -16,10 +16,17 @@ import h5py
 from barchan.results.reader import reading
 from barchan.storage import write_bytes
 
-_CELL_OF_CORNERS = {4: "Quadrilateral", 8: "Hexahedron"}
+_CELLS = {  # (dimension, corners) -> topology
+    (2, 3): "Triangle",
+    (2, 4): "Quadrilateral",
+    (3, 4): "Tetrahedron",
+    (3, 8): "Hexahedron",
+}
 _SCALAR_FIELDS = {
     "pressure": "pressures",
     "shear stress": "shear_stresses",
+    "shear rate": "shear_rates",
+    "plug": "plug",
     "volume fraction": "volume_fractions",
 }
 _NUMBER_TYPES = {"f": "Float", "i": "Int"}
@@ -39,10 +46,12 @@ def write_xdmf(results_path: Path, path: Path) -> None:
                 movie, "Grid", Name=f"frame {name}", GridType="Collection", CollectionType="Spatial"
             )
             SubElement(instant, "Time", Value=repr(float(time)))
-            _add_particles(instant, file[f"frames/{name}/particles"], results_path.name)
-            grid = file[f"frames/{name}/grid"]
-            if grid["cells"].shape[0] > 0:
-                _add_cells(instant, grid, results_path.name)
+            groups = file[f"frames/{name}"]
+            if "particles" in groups:
+                _add_particles(instant, groups["particles"], results_path.name)
+            for place, fields in ((file.get("mesh"), groups.get("fields")), (groups.get("grid"),) * 2):
+                if place is not None and fields is not None and place["cells"].shape[0] > 0:
+                    _add_cells(instant, place, fields, int(file.attrs["dimension"]), results_path.name)
     ElementTree.indent(root)
     write_bytes(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
@@ -57,19 +66,21 @@ def _add_particles(parent: Element, group: h5py.Group, file_name: str) -> None:
     _add_attribute(grid, "volume", "Scalar", group["volumes"], file_name)
 
 
-def _add_cells(parent: Element, group: h5py.Group, file_name: str) -> None:
-    """The active cells of the background grid with their nodal fields."""
-    grid = SubElement(parent, "Grid", Name="grid", GridType="Uniform")
-    count, corners = group["cells"].shape
+def _add_cells(
+    parent: Element, place: h5py.Group, fields: h5py.Group, dimension: int, file_name: str
+) -> None:
+    """The cells of a grid or mesh at `place` with nodal `fields`."""
+    grid = SubElement(parent, "Grid", Name=place.name.rpartition("/")[2], GridType="Uniform")
+    count, corners = place["cells"].shape
     topology = SubElement(
-        grid, "Topology", TopologyType=_CELL_OF_CORNERS[corners], NumberOfElements=str(count)
+        grid, "Topology", TopologyType=_CELLS[dimension, corners], NumberOfElements=str(count)
     )
-    _add_data(topology, group["cells"], file_name)
-    _add_data(SubElement(grid, "Geometry", GeometryType="XYZ"), group["positions"], file_name)
-    _add_attribute(grid, "velocity", "Vector", group["velocities"], file_name)
+    _add_data(topology, place["cells"], file_name)
+    _add_data(SubElement(grid, "Geometry", GeometryType="XYZ"), place["positions"], file_name)
+    _add_attribute(grid, "velocity", "Vector", fields["velocities"], file_name)
     for name, field in _SCALAR_FIELDS.items():
-        if field in group:
-            _add_attribute(grid, name, "Scalar", group[field], file_name)
+        if field in fields:
+            _add_attribute(grid, name, "Scalar", fields[field], file_name)
 
 
 def _add_attribute(grid: Element, name: str, kind: str, values: h5py.Dataset, file_name: str) -> None:

@@ -1,4 +1,4 @@
-"""The end of a run: results.h5, XDMF, pictures, summary; then the work files go. Repeating any part of it is harmless.
+"""The end of a run: results.h5, XDMF, VTU, pictures, summary; then the work files go. Repeating any part of it is harmless.
 
 summary.json is written last, so a folder that has it is finished; everything before can be redone from the
 frames.
@@ -14,8 +14,9 @@ from typing import Any
 
 from barchan.results import FolderStore, Results, assemble, write_xdmf
 from barchan.results import open as open_results
-from barchan.results.store import PICTURES_FOLDER, SUMMARY_FILE, XDMF_FILE, make_folder
-from barchan.scenes.observables import summarise, surface_of
+from barchan.results.frames import MESH
+from barchan.results.store import FIELDS_FILE, PICTURES_FOLDER, SUMMARY_FILE, XDMF_FILE, make_folder
+from barchan.scenes.kinds import find_kind
 from barchan.scenes.parameters import SceneParameters
 from barchan.scenes.progress import Progress
 from barchan.scenes.runner import Clock
@@ -28,27 +29,47 @@ def is_finished(store: FolderStore) -> bool:
 
 
 def finish_folder(
-    parameters: SceneParameters, scene_toml: str, store: FolderStore, clock: Clock, progress: Progress
+    parameters: SceneParameters,
+    scene_toml: str,
+    store: FolderStore,
+    clock: Clock,
+    last_frame: int | None,
+    progress: Progress,
+    pictures: bool = True,
 ) -> Results:
-    """Turn the frames of a completed run into its final files. Raises InputError for a damaged frame or a full disk."""
-    if not store.results_path.exists():
+    """Turn the frames 0 .. `last_frame` of a completed run into its final files; None: results.h5 is there already.
+
+    Raises InputError for a damaged frame or a full disk.
+    """
+    if last_frame is not None:
         progress.note("writing results.h5")
-        assemble(store, parameters.frame_count + 1, scene_toml, store.results_path)
+        assemble(store, last_frame + 1, scene_toml, store.results_path)
     write_xdmf(store.results_path, store.path(XDMF_FILE))
     results = open_results(store.folder)
+    if results.holds(MESH):
+        write_fields(results, store.path(FIELDS_FILE))
     summary = full_summary(parameters, results, clock)
-    progress.note("drawing pictures")
-    draw_pictures(parameters, results, summary, store.path(PICTURES_FOLDER))
+    if pictures:
+        progress.note("drawing pictures")
+        draw_pictures(parameters, results, summary, store.path(PICTURES_FOLDER))
     write_text(store.path(SUMMARY_FILE), json.dumps(_json_ready(summary), indent=2) + "\n")
     store.discard_work_files()
     return results
 
 
+def write_fields(results: Results, path: Path) -> None:
+    """The fields of the last frame of a run on a mesh, as a VTK file."""
+    from barchan.results.fields import write_vtu
+    from barchan.results.stored_meshes import mesh_from
+
+    write_vtu(path, mesh_from(results.mesh), results.fields(-1))
+
+
 def full_summary(parameters: SceneParameters, results: Results, clock: Clock) -> dict[str, Any]:
     """Figures of the run, with times, threads and versions."""
     return {
-        **summarise(parameters, results.steps, results.observables),
-        "particles": len(results.particles(0)["volumes"]),
+        "scene": parameters.scene.name,
+        **find_kind(parameters.scene.kind).summarise(parameters, results),
         "seconds_total": clock.seconds,
         "seconds_per_step": clock.seconds_per_step,
         "threads": _threads(),
@@ -59,36 +80,9 @@ def full_summary(parameters: SceneParameters, results: Results, clock: Clock) ->
 def draw_pictures(
     parameters: SceneParameters, results: Results, summary: dict[str, Any], folder: Path
 ) -> None:
-    """strip.png, profile.png, observables.png and collapse.gif in `folder`."""
-    from barchan.results.animation import draw_animation
-    from barchan.results.pictures import draw_observables, draw_profile, draw_strip
-
+    """The pictures of the kind of scene, in `folder`."""
     make_folder(folder)
-    title = parameters.scene.description or parameters.scene.name
-    until = _end_of_motion(results)
-    draw_strip(folder / "strip.png", results, until, title)
-    initial, final = (
-        surface_of(parameters, results.particles(frame)["positions"], results.particles(frame)["volumes"])
-        for frame in (0, -1)
-    )
-    verdict = (
-        f"{title}\nrun-out (L - L0)/L0 = {summary['run_out']:.2f}, "
-        f"height H/H0 = {summary['height_ratio']:.2f}, steepest slope {summary['slope_steepest']:.0f}°"
-    )
-    box = (parameters.box.size[0], parameters.box.size[-1])
-    draw_profile(folder / "profile.png", initial.x, initial.height, final.height, box, verdict)
-    draw_observables(
-        folder / "observables.png", results.steps, results.observables, parameters.dimension, title
-    )
-    draw_animation(folder / "collapse.gif", results, until, title)
-
-
-def _end_of_motion(results: Results) -> float:
-    """Time (s) after which the bulk of the front moves by less than 1 % of its whole way, at least a tenth of the run."""
-    front, times = results.observables["front_bulk"], results.times
-    far = abs(front - front[-1]) > 0.01 * max(abs(front[-1] - front[0]), 1e-12)
-    last = int(far.nonzero()[0][-1]) + 1 if far.any() else 0
-    return float(max(times[min(last, len(times) - 1)], 0.1 * times[-1]))
+    find_kind(parameters.scene.kind).draw(parameters, results, summary, folder)
 
 
 def _threads() -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from barchan.errors import InputError
 from barchan.results.store import read_toml
 from barchan.scenes.parameters import SceneParameters
-from barchan.scenes.validation import known_keys, nearest, validate
+from barchan.scenes.validation import kind_of, known_keys, known_tables, nearest, validate
 
 Tables = dict[str, dict[str, Any]]
 
@@ -31,9 +31,9 @@ def load_parameters(scene: str | Path, overrides: Mapping[str, Any]) -> ScenePar
     that exists in one table only ("friction"), or a table name with a dict of keys. Raises InputError.
     """
     tables = read_tables(scene)
-    for key, value in overrides.items():
-        apply_override(tables, key, value)
-    return validate(tables)
+    for key in sorted(overrides, key=_changes_the_kind, reverse=True):
+        apply_override(tables, key, overrides[key])
+    return validate(kind_of(tables).parameters.anchored(tables, Path.cwd()))
 
 
 def read_tables(scene: str | Path) -> Tables:
@@ -46,7 +46,8 @@ def read_tables(scene: str | Path) -> Tables:
     if path.suffix != ".toml" and not path.exists():
         known = ", ".join(names)
         raise InputError("scene", str(scene), f"one of {known} or a .toml file{nearest(str(scene), names)}")
-    return read_toml(path)
+    tables = read_toml(path)
+    return kind_of(tables).parameters.anchored(tables, path.parent)
 
 
 def parse_setting(text: str) -> tuple[str, Any]:
@@ -69,29 +70,39 @@ def apply_override(tables: Tables, key: str, value: Any) -> None:
         for inner, item in value.items():
             apply_override(tables, f"{key}.{inner}", item)
         return
-    table, name = _split_key(key, value)
-    if not isinstance(tables.get(table, {}), dict):
-        raise InputError(table, tables[table], f"a table [{table}]")
-    tables.setdefault(table, {})[name] = _plain(value)
+    table, *names = _split_key(key, value, kind_of(tables).name)
+    place: dict[str, Any] = tables  # a dict of tables at first, then the table to put the value into
+    for name in (table, *names[:-1]):
+        place = place.setdefault(name, {})
+        if not isinstance(place, dict):
+            raise InputError(name, place, f"a table [{table}]")
+    place[names[-1]] = _plain(value)
 
 
-def _split_key(key: str, value: Any) -> tuple[str, str]:
-    """Table and key named by a dotted, double-underscored or bare key."""
-    known = known_keys()
-    dotted = key.replace("__", ".")
+def _changes_the_kind(key: str) -> bool:
+    return key.replace("__", ".") in ("kind", "scene.kind", "scene")
+
+
+def _split_key(key: str, value: Any, kind: str) -> list[str]:
+    """Table and key (and key within it, of a table whose keys the user names) of a dotted, underscored or bare key."""
+    known, dotted = known_keys(kind), key.replace("__", ".")
+    parts = dotted.split(".")
+    named = [table for table, group in known_tables(kind).items() if group.entries is not None]
+    if parts[0] in named and 2 <= len(parts) <= 3:
+        return parts
     found = [candidate for candidate in known if candidate == dotted or candidate.split(".")[1] == dotted]
     if len(found) == 1:
-        table, name = found[0].split(".")
-        return table, name
+        return found[0].split(".")
     if found:
         raise InputError(key, value, "written out as one of " + ", ".join(found))
-    last = dotted.split(".")[-1]
-    guess = nearest(dotted, known) or nearest(last, [candidate.split(".")[1] for candidate in known])
+    guess = nearest(dotted, known) or nearest(parts[-1], [candidate.split(".")[1] for candidate in known])
     raise InputError(key, value, "a parameter of the scene, as in its scene.toml" + guess)
 
 
 def _plain(value: Any) -> Any:
-    """numpy numbers and arrays, tuples -> what TOML would give."""
+    """numpy numbers and arrays, tuples, dicts -> what TOML would give."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     return [_plain(item) for item in value] if isinstance(value, tuple | list) else value

@@ -11,7 +11,7 @@ Arrays = dict[str, NDArray[Any]]
 
 
 class TimedState(Protocol):
-    """A state of a simulation, at a time (s)."""
+    """A state of a simulation, at a time (s, or the scene's own unit)."""
 
     @property
     def time(self) -> float:
@@ -55,11 +55,11 @@ class Model(Protocol[State]):
     def advance(self, state: State, dt: float) -> tuple[State, StepRecordLike]:
         """One step of `dt` seconds."""
 
-    def particles(self, state: State) -> Arrays:
-        """positions (P, d), velocities (P, d), volumes (P,), as stored in frames."""
+    def ended(self, state: State) -> bool:
+        """Whether nothing would be learnt from running on after a frame with this state; a function of the state only."""
 
-    def grid(self, state: State) -> Arrays:
-        """Nodal fields and cells, as stored in frames."""
+    def frame(self, state: State) -> dict[str, Arrays]:
+        """The groups of arrays that are stored for a frame, see `barchan.results.frame_tree`."""
 
     def observables(self, state: State, record: Any) -> dict[str, float]:
         """Scalars of a frame; `record` is that of the last step, None at the start."""

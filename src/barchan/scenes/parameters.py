@@ -1,23 +1,18 @@
-"""The parameters of a scene, as they stand in a TOML file: names, units, allowed ranges and defaults.
-
-Scenes are those of seed B 7.2.3 and 7.5.1 (collapse of a column); friction coefficients are physical (ERRATA
-1). SI units; the vertical is the last axis, x runs from the back wall along the flow.
-"""
+"""What the parameters of every kind of scene share: tables of a TOML file with names, units, ranges and defaults."""
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
-
-from barchan.errors import InputError
-
-FACES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
 
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Count = Annotated[int, Field(ge=1)]
+
+MOST_FRAMES = 99_999
 
 
 class Group(BaseModel):
@@ -25,167 +20,55 @@ class Group(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
+    entries: ClassVar[type[Group] | None] = None
+    """Of a table whose keys are names that the user gives: the model of what stands under each."""
+
 
 class SceneHeader(Group):
-    """[scene]"""
+    """[scene]: every kind narrows `kind` to its own name."""
 
     name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9_.-]+$", description="short name, used for folders")
-    kind: Literal["column"] = Field(default="column", description="what is simulated: a collapsing column")
+    kind: str = Field(description="what is simulated")
     description: str = Field(default="", description="one line for `barchan scenes`")
-    gravity: Positive = Field(default=9.81, description="gravity, downwards along the last axis, m/s^2")
-
-
-class Box(Group):
-    """[box]"""
-
-    size: list[Positive] = Field(
-        min_length=2, max_length=3, description="length (depth) height of the box, m"
-    )
-    cells: list[Count] = Field(min_length=2, max_length=3, description="number of grid cells along each axis")
-
-
-class Column(Group):
-    """[column]"""
-
-    length: Positive = Field(description="length L0 of the column along x, m")
-    height: Positive = Field(description="height H0 of the column, m")
-    position: NotNegative = Field(default=0.0, description="distance of the column from the back wall, m")
-
-
-class MaterialGroup(Group):
-    """[material]"""
-
-    density: Positive = Field(description="bulk density of the packed material, kg/m^3")
-    friction: NotNegative = Field(
-        description="friction coefficient at rest mu_s (2D: sine of the friction angle)"
-    )
-    friction_increment: NotNegative = Field(
-        default=0.0, description="mu_D - mu_s: more friction in rapid flow"
-    )
-    inertial_reference: Positive = Field(
-        default=0.4, description="inertial number I0 at which half of that is reached"
-    )
-    grain_diameter: NotNegative = Field(default=0.0, description="grain diameter, m")
-    viscosity: NotNegative = Field(default=0.0, description="additional Newtonian viscosity, Pa s")
-    max_volume_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        default=1.0, description="volume fraction of the packed material (1: volumes are bulk volumes)"
-    )
-    packing_tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
-        default=0.02, description="matter within this share of it counts as packed and bears load"
-    )
-    static_excess: NotNegative = Field(
-        default=0.0, description="relative excess of friction where loaded matter hardly shears"
-    )
-    static_shear_rate: NotNegative = Field(default=0.0, description="shear rate below which it acts, 1/s")
-
-
-class FrictionalWall(Group):
-    """Coulomb friction between material and wall."""
-
-    friction: NotNegative
-
-
-WallChoice = Literal["stick", "slip"] | FrictionalWall
-
-
-class WallsGroup(Group):
-    """[walls]"""
-
-    x_min: WallChoice = Field(default="slip", description="back wall")
-    x_max: WallChoice = Field(default="slip", description="front wall")
-    y_min: WallChoice | None = Field(default=None, description="side wall (3D only)")
-    y_max: WallChoice | None = Field(default=None, description="side wall (3D only)")
-    z_min: WallChoice = Field(default="stick", description="floor")
-    z_max: WallChoice = Field(default="slip", description="lid")
-
-
-class TimeGroup(Group):
-    """[time]"""
-
-    end: Positive = Field(description="simulated time, s")
-    frame_rate: Positive = Field(description="frames stored per second")
-    step: Positive = Field(description="longest time step, s")
-    adaptive: bool = Field(
-        True, description="shorten steps so that no particle crosses more than `cfl` cells in one"
-    )
-    cfl: Positive = Field(default=1.0, description="cells the fastest particle may cross in an adaptive step")
-
-
-class SolverGroup(Group):
-    """[solver]"""
-
-    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=1e-4, description="largest certificate of a step"
-    )
-    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a step")
-    min_sweeps: Annotated[int, Field(ge=0)] = Field(
-        default=5, description="fewest solver iterations in a step"
-    )
-
-
-class ParticlesGroup(Group):
-    """[particles]"""
-
-    per_cell: Annotated[int, Field(ge=1, le=16)] = Field(
-        default=3, description="particles along each axis of a cell"
-    )
-    transfer: Literal["apic", "pic"] = Field(
-        default="apic", description="velocity transfer; apic keeps angular momentum"
-    )
-    move_cfl: Positive = Field(default=0.5, description="cells a particle may cross in a substep of its move")
 
 
 class SceneParameters(Group):
-    """A complete scene: one attribute per table of the TOML file."""
+    """A complete scene: one attribute per table of the TOML file. Each kind has its own subclass."""
+
+    units: ClassVar[str] = "SI units"
+    time_unit: ClassVar[str] = " s"
 
     scene: SceneHeader
-    box: Box
-    column: Column
-    material: MaterialGroup
-    walls: WallsGroup = WallsGroup()
-    time: TimeGroup
-    solver: SolverGroup = SolverGroup()
-    particles: ParticlesGroup = ParticlesGroup()
 
     @property
     def dimension(self) -> int:
-        """2 or 3, the length of `box.size`."""
-        return len(self.box.size)
+        """2 or 3."""
+        raise AttributeError("dimension")
 
     @property
-    def spacing(self) -> list[float]:
-        """Edges of a grid cell (m)."""
-        return [size / cells for size, cells in zip(self.box.size, self.box.cells, strict=True)]
+    def size(self) -> str:
+        """How fine the discretisation is, in words."""
+        raise AttributeError("size")
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames per unit of time; a steady scene has its solution at time 1."""
+        return 1.0
 
     @property
     def frame_count(self) -> int:
-        """Frames after the initial one: the run ends with the first frame at or after `time.end`."""
-        return max(1, math.ceil(self.time.end * self.time.frame_rate * (1.0 - 1e-12)))
+        """Most frames after the initial one."""
+        return 1
 
+    @classmethod
+    def anchored(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """The tables of a file, which may not be valid, with the paths in them taken from its folder."""
+        return tables
 
-def check_geometry(parameters: SceneParameters) -> None:
-    """Raise InputError unless the tables fit together: dimensions, column inside the box, walls that exist."""
-    box, column = parameters.box, parameters.column
-    if len(box.cells) != len(box.size):
-        raise InputError("box.cells", box.cells, f"{len(box.size)} numbers, as many as box.size has")
-    room = box.size[0] - column.position
-    if room <= 0.0:
-        raise InputError("column.position", column.position, f"less than the box length {box.size[0]:g} m")
-    if column.length > room * (1.0 + 1e-12):
-        raise InputError("column.length", column.length, f"at most {room:g} m, the room in the box along x")
-    if column.height > box.size[-1] * (1.0 + 1e-12):
-        raise InputError("column.height", column.height, f"at most {box.size[-1]:g} m, the height of the box")
-    for face in ("y_min", "y_max"):
-        if parameters.dimension == 2 and getattr(parameters.walls, face) is not None:
-            raise InputError(
-                f"walls.{face}", _wall_text(getattr(parameters.walls, face)), "left out in 2D (x and z only)"
-            )
-    if parameters.frame_count > 99_999:
-        raise InputError(
-            "time.frame_rate", parameters.time.frame_rate, "such that there are fewer than 100000 frames"
-        )
+    @classmethod
+    def completed(cls, tables: dict[str, Any]) -> Mapping[str, Any]:
+        """The tables of a file, which may not be valid, with defaults that depend on other keys."""
+        return tables
 
-
-def _wall_text(wall: str | FrictionalWall) -> str:
-    return wall if isinstance(wall, str) else f"{{friction = {wall.friction:g}}}"
+    def check(self) -> None:
+        """Raise InputError unless the tables fit together."""

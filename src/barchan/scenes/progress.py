@@ -32,14 +32,15 @@ class Progress(Protocol):
     ) -> None: ...
 
 
-def make_progress(name: str, end_time: float, shown: bool) -> Progress:
-    """The display that fits standard error, or a silent one."""
+def make_progress(name: str, end_time: float, shown: bool, unit: str = " s") -> Progress:
+    """The display that fits standard error, or a silent one; `unit` stands behind times."""
     if not shown:
         return Silent()
     from rich.console import Console
 
     console = Console(stderr=True)
-    return Bar(name, end_time, console) if console.is_terminal else Lines(name, end_time, console)
+    make = Bar if console.is_terminal else Lines
+    return make(name, end_time, console, unit)
 
 
 class Silent:
@@ -66,14 +67,14 @@ class Silent:
 class Lines(Silent):
     """A line every tenth of the simulated time, for logs."""
 
-    def __init__(self, name: str, end_time: float, console: Console) -> None:
-        self._name, self._end, self._console = name, end_time, console
+    def __init__(self, name: str, end_time: float, console: Console, unit: str) -> None:
+        self._name, self._end, self._console, self._unit = name, end_time, console, unit
         self._tenths = 0
 
     def resume(self, frame: int, time: float) -> None:
         """Say where the run starts."""
         self._tenths = int(10.0 * time / self._end)
-        self.note(f"from frame {frame}, t = {time:.4g} s of {self._end:.4g} s")
+        self.note(f"from frame {frame}, t = {time:.4g}{self._unit} of {self._end:.4g}{self._unit}")
 
     def step(self, time: float, step: int, sweeps: int, certificate: float) -> None:
         """A line when another tenth is done."""
@@ -81,7 +82,7 @@ class Lines(Silent):
         if tenths > self._tenths:
             self._tenths = tenths
             self.note(
-                f"{10 * tenths:3d} %  t = {time:.4g} s  step {step}  {sweeps} sweeps  "
+                f"{10 * tenths:3d} %  t = {time:.4g}{self._unit}  step {step}  {sweeps} sweeps  "
                 f"certificate {certificate:.1e}"
             )
 
@@ -93,13 +94,13 @@ class Lines(Silent):
 class Bar(Silent):
     """A progress bar with simulated time, step, sweeps, certificate and remaining time."""
 
-    def __init__(self, name: str, end_time: float, console: Console) -> None:
+    def __init__(self, name: str, end_time: float, console: Console, unit: str) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
         self._bar: rich.progress.Progress = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=24),
-            TextColumn("{task.completed:.3f}/{task.total:.3g} s"),
+            TextColumn("{task.completed:.3f}/{task.total:.3g}" + unit),
             TextColumn("step {task.fields[step]}"),
             TextColumn("{task.fields[sweeps]} sweeps"),
             TextColumn("cert {task.fields[certificate]:.0e}"),

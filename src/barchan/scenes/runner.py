@@ -40,18 +40,20 @@ class Clock:
 
 def run_frames(
     model: Model[State], store: Store, frame_rate: float, frame_count: int, progress: Progress
-) -> Clock:
+) -> tuple[Clock, int]:
     """Advance `model` to frame `frame_count` (time frame_count / frame_rate), continuing from the store's checkpoint.
 
-    Raises InputError when the checkpoint or a frame is damaged, or the store cannot be written.
+    Returns the wall-clock figures and the number of the last frame, less than `frame_count` when the model has
+    ended before. Raises InputError when the checkpoint or a frame is damaged, or the store cannot be written.
     """
     state, frame, clock = _start(model, store)
     start, spent = perf_counter(), clock.seconds
     progress.resume(frame, state.time)
     warm = False
-    for index in range(frame + 1, frame_count + 1):
+    while frame < frame_count and not model.ended(state):
+        frame += 1
         records: list[StepRecordLike] = []
-        until = index / frame_rate
+        until = frame / frame_rate
         while until - state.time > 1e-9 / frame_rate:
             began = perf_counter()
             state, record = model.advance(state, next_step(until - state.time, model.longest_step(state)))
@@ -62,8 +64,8 @@ def run_frames(
             warm = True
             progress.step(state.time, record.step, record.sweeps, record.residual)
         clock.seconds = spent + perf_counter() - start
-        _keep(model, store, state, index, records, clock)
-    return clock
+        _keep(model, store, state, frame, records, clock)
+    return clock, frame
 
 
 def clock_of(checkpoint: Mapping[str, Any] | None) -> Clock:
@@ -104,7 +106,5 @@ def _keep(
 ) -> None:
     """Store a frame, then the checkpoint that makes it final."""
     observables = model.observables(state, records[-1] if records else None)
-    store.put_frame(
-        index, frame_tree(model.particles(state), model.grid(state), step_table(records), observables)
-    )
+    store.put_frame(index, frame_tree(model.frame(state), step_table(records), observables))
     store.put_checkpoint({"frame": np.int64(index), "state": model.arrays(state), "clock": asdict(clock)})

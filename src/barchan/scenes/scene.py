@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from barchan.results import FolderStore, MemoryStore, Results, Store, claim_folder, results_in_memory
 from barchan.results import open as open_results
 from barchan.scenes.finish import finish_folder, full_summary, is_finished
+from barchan.scenes.kinds import find_kind
 from barchan.scenes.loading import load_parameters
 from barchan.scenes.model import Model
 from barchan.scenes.parameters import SceneParameters
@@ -23,7 +24,8 @@ from barchan.scenes.toml_text import to_toml
 class Run:
     """A finished run.
 
-    observables : scalars over the frames, each of shape (frames,), SI units; `time` among them.
+    observables : scalars over the frames, each of shape (frames,), `time` among them; of a finite-element run also
+        what the last frame has along lines, each of shape (m,). SI units, or those of a dimensionless scene.
     summary : the figures of summary.json.
     folder : the run folder, or None when nothing was stored.
     results : every frame, see `barchan.results.Results`.
@@ -57,11 +59,16 @@ class Scene:
 
     def model(self) -> Model[Any]:
         """The simulation behind the scene. Raises InputError when the flow rejects a parameter."""
-        from barchan.scenes.column import ColumnModel
+        model: Model[Any] = find_kind(self.parameters.scene.kind).model(self.parameters)
+        return model
 
-        return ColumnModel(self.parameters)
-
-    def run(self, out: str | Path | None = None, resume: bool = False, progress: bool = True) -> Run:
+    def run(
+        self,
+        out: str | Path | None = None,
+        resume: bool = False,
+        progress: bool = True,
+        pictures: bool = True,
+    ) -> Run:
         """Run the scene to its end.
 
         Parameters
@@ -69,6 +76,7 @@ class Scene:
         out : run folder, new or empty (None: nothing is stored, frames stay in memory).
         resume : continue the run of the same scene stored in `out`; a finished one is returned as it is.
         progress : show progress on standard error.
+        pictures : draw pictures at the end of a run in a folder.
 
         Raises
         ------
@@ -76,9 +84,9 @@ class Scene:
             files;
             nothing already written is touched then.
         """
-        display = make_progress(
-            self.name, self.parameters.frame_count / self.parameters.time.frame_rate, progress
-        )
+        parameters = self.parameters
+        end = parameters.frame_count / parameters.frame_rate
+        display = make_progress(self.name, end, progress, parameters.time_unit)
         model = self.model()  # first, so that a parameter the flow rejects leaves nothing on disk
         if out is None:
             return self._run_in_memory(model, display)
@@ -86,28 +94,35 @@ class Scene:
             if is_finished(store):
                 store.discard_work_files()
                 results = open_results(store.folder)
-                return Run(results.observables, results.summary, store.folder, results, already_finished=True)
-            return self._run_in_folder(model, store, display)
+                return Run(
+                    observables_of(results), results.summary, store.folder, results, already_finished=True
+                )
+            return self._run_in_folder(model, store, display, pictures)
 
-    def _run_in_folder(self, model: Model[Any], store: FolderStore, display: Progress) -> Run:
+    def _run_in_folder(self, model: Model[Any], store: FolderStore, display: Progress, pictures: bool) -> Run:
         with display:
             if store.results_path.exists():  # killed after results.h5 was written: only the rest is missing
-                clock = clock_of(store.checkpoint())
+                clock, last = clock_of(store.checkpoint()), None
             else:
-                clock = self._run_frames(model, store, display)
-            results = finish_folder(self.parameters, self.toml(), store, clock, display)
-        return Run(results.observables, results.summary, store.folder, results)
+                clock, last = self._run_frames(model, store, display)
+            results = finish_folder(self.parameters, self.toml(), store, clock, last, display, pictures)
+        return Run(observables_of(results), results.summary, store.folder, results)
 
     def _run_in_memory(self, model: Model[Any], display: Progress) -> Run:
         store = MemoryStore()
         with display:
-            clock = self._run_frames(model, store, display)
+            clock, _ = self._run_frames(model, store, display)
         results = results_in_memory(store, self.toml())
-        return Run(results.observables, full_summary(self.parameters, results, clock), None, results)
+        return Run(observables_of(results), full_summary(self.parameters, results, clock), None, results)
 
-    def _run_frames(self, model: Model[Any], store: Store, display: Progress) -> Clock:
-        time = self.parameters.time
-        return run_frames(model, store, time.frame_rate, self.parameters.frame_count, display)
+    def _run_frames(self, model: Model[Any], store: Store, display: Progress) -> tuple[Clock, int]:
+        parameters = self.parameters
+        return run_frames(model, store, parameters.frame_rate, parameters.frame_count, display)
+
+
+def observables_of(results: Results) -> dict[str, NDArray[Any]]:
+    """The scalars of all frames, each (frames,), and what the last frame has along lines, each (m,)."""
+    return {**results.observables, **(results.lines(-1) if results.holds("lines") else {})}
 
 
 def load(scene: str | Path, /, **overrides: Any) -> Scene:

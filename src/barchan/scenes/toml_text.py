@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from typing import Any
 
 from pydantic import BaseModel
@@ -12,7 +13,7 @@ from barchan.scenes.parameters import SceneParameters
 
 def to_toml(parameters: SceneParameters) -> str:
     """Complete TOML text of the parameters, defaults included; loading it gives equal parameters."""
-    parts = ["# A barchan scene, SI units. Run it with: barchan run scene.toml\n"]
+    parts = [f"# A barchan scene, {parameters.units}. Run it with: barchan run scene.toml\n"]
     for table in type(parameters).model_fields:
         group: BaseModel = getattr(parameters, table)
         parts.append(f"\n[{table}]\n")
@@ -20,13 +21,21 @@ def to_toml(parameters: SceneParameters) -> str:
             value = getattr(group, key)
             if value is not None:
                 parts.append(f"{key} = {_value(value)}  # {field.description}\n")
+        for key, value in (group.model_extra or {}).items():
+            parts.append(f"{_key(key)} = {_value(value)}\n")
     return "".join(parts)
+
+
+def _key(name: str) -> str:
+    """A TOML key, quoted where it is no bare word."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _value(name)
 
 
 def _value(value: Any) -> str:
     """A TOML value."""
     if isinstance(value, BaseModel):
-        inside = ", ".join(f"{key} = {_value(getattr(value, key))}" for key in type(value).model_fields)
+        given = {key: getattr(value, key) for key in type(value).model_fields}
+        inside = ", ".join(f"{key} = {_value(item)}" for key, item in given.items() if item is not None)
         return f"{{ {inside} }}"
     if isinstance(value, list):
         return "[" + ", ".join(_value(item) for item in value) + "]"

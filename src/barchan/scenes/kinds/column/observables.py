@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from barchan.scenes.parameters import SceneParameters
-from barchan.scenes.surface import Surface, free_surface
+from barchan.scenes.kinds.column.parameters import ColumnParameters
+from barchan.scenes.kinds.column.surface import Surface, free_surface
 
 Vector = NDArray[np.float64]
 
@@ -24,20 +24,22 @@ REST_SHARE = 0.1  # of the run, at its end, over which the material must stay at
 _BULK_SHARE = 0.995
 
 
-def surface_of(parameters: SceneParameters, positions: Vector, volumes: Vector) -> Surface:
+def surface_of(parameters: ColumnParameters, positions: Vector, volumes: Vector) -> Surface:
     """Free surface of particles of the scene."""
     box = parameters.box
     return free_surface(positions, volumes, box.size, box.cells, parameters.material.max_volume_fraction)
 
 
-def column_volume(parameters: SceneParameters) -> float:
+def column_volume(parameters: ColumnParameters) -> float:
     """Volume (m^d) of material in the initial column."""
     column = parameters.column
     depth = parameters.box.size[1] if parameters.dimension == 3 else 1.0
     return column.length * column.height * depth * parameters.material.max_volume_fraction
 
 
-def geometry_observables(parameters: SceneParameters, positions: Vector, volumes: Vector) -> dict[str, float]:
+def geometry_observables(
+    parameters: ColumnParameters, positions: Vector, volumes: Vector
+) -> dict[str, float]:
     """Front, run-out, height and slope of particles at `positions` (P, d) m with `volumes` (P,) m^d.
 
     Lengths in metres, slopes in degrees; front and run-out are measured from the back of the initial column.
@@ -64,12 +66,11 @@ def geometry_observables(parameters: SceneParameters, positions: Vector, volumes
 
 
 def summarise(
-    parameters: SceneParameters, steps: Mapping[str, NDArray[Any]], observables: Mapping[str, Vector]
+    parameters: ColumnParameters, steps: Mapping[str, NDArray[Any]], observables: Mapping[str, Vector]
 ) -> dict[str, Any]:
     """Figures of a finished run for summary.json, from its step records (steps,) and observables (frames,)."""
     final = {name: float(values[-1]) for name, values in observables.items()}
     return {
-        "scene": parameters.scene.name,
         "end_time": final["time"],
         "front": final["front"],
         "front_bulk": final["front_bulk"],
@@ -94,7 +95,7 @@ def summarise(
     }
 
 
-def _rest(parameters: SceneParameters, steps: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+def _rest(parameters: ColumnParameters, steps: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Whether the material ends at rest, and from which time on (s)."""
     threshold = REST_SPEED * math.sqrt(parameters.scene.gravity * parameters.column.height)
     times, speeds = steps["time"], steps["max_speed"]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from barchan.errors import InputError
 from barchan.flows.mpm import Material, Options, State, Stepper, StepRecord, Wall, Walls, fill_box
 from barchan.friction import methods
+from barchan.scenes.kinds.column.observables import column_volume, geometry_observables
+from barchan.scenes.kinds.column.parameters import FACES, ColumnParameters, FrictionalWall
 from barchan.scenes.model import Arrays
-from barchan.scenes.observables import column_volume, geometry_observables
-from barchan.scenes.parameters import FACES, FrictionalWall, SceneParameters
 from barchan.spaces import RegularGrid
 
 # Corners of a cell in the order XDMF and VTK want them.
@@ -27,7 +27,7 @@ _CORNERS = {
 class ColumnModel:
     """The model of a scene of kind "column"; its states are `barchan.flows.mpm.State`."""
 
-    def __init__(self, parameters: SceneParameters) -> None:
+    def __init__(self, parameters: ColumnParameters) -> None:
         self._parameters = parameters
         self.grid_of_nodes = build_grid(parameters)
         self.material = Material(**parameters.material.model_dump())
@@ -69,11 +69,16 @@ class ColumnModel:
         """One time step."""
         return self.stepper.advance(state, dt)
 
-    def particles(self, state: State) -> Arrays:
-        """Positions, velocities and volumes."""
-        return {"positions": state.positions, "velocities": state.velocities, "volumes": state.volumes}
+    def ended(self, state: State) -> bool:
+        """A column is simulated to its end time."""
+        return False
 
-    def grid(self, state: State) -> Arrays:
+    def frame(self, state: State) -> dict[str, Arrays]:
+        """Positions, velocities and volumes of the particles; active nodes, their fields and the active cells."""
+        particles = {"positions": state.positions, "velocities": state.velocities, "volumes": state.volumes}
+        return {"particles": particles, "grid": self._grid(state)}
+
+    def _grid(self, state: State) -> Arrays:
         """Active nodes, their fields and the active cells."""
         d = self._parameters.dimension
         # chi: lambda_N = Tr/sqrt(2d), so the pressure Tr/d is sqrt(2/d) lambda_N; |lambda_T| = sqrt(J2)
@@ -91,7 +96,7 @@ class ColumnModel:
         }
 
     def observables(self, state: State, record: StepRecord | None) -> dict[str, float]:
-        """Scalars of a frame (see `barchan.scenes.observables`); before the first step energies come from the particles."""
+        """Scalars of a frame (see `observables.py`); before the first step energies come from the particles."""
         material, gravity = self._parameters.material, self._parameters.scene.gravity
         masses = material.density * state.volumes
         volume = float(np.sum(state.volumes))
@@ -111,12 +116,12 @@ class ColumnModel:
         return values
 
 
-def build_grid(parameters: SceneParameters) -> RegularGrid:
+def build_grid(parameters: ColumnParameters) -> RegularGrid:
     """The grid of the box, origin at the foot of the back wall."""
     return RegularGrid.from_box(parameters.box.size, parameters.box.cells)
 
 
-def build_walls(parameters: SceneParameters) -> Walls:
+def build_walls(parameters: ColumnParameters) -> Walls:
     """The walls of the box as the flow knows them."""
     faces: dict[str, Wall] = {}
     for face in FACES:
@@ -128,7 +133,7 @@ def build_walls(parameters: SceneParameters) -> Walls:
     return Walls(faces)
 
 
-def build_options(parameters: SceneParameters) -> Options:
+def build_options(parameters: ColumnParameters) -> Options:
     """Solver and transfer options of the stepper. Raises InputError for a solver that does not exist."""
     solver, particles = parameters.solver, parameters.particles
     if solver.method not in methods():

@@ -1,0 +1,174 @@
+"""Where a reproduction runs its scenes, keeps finished ones, and puts its tables and pictures."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import multiprocessing
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from barchan import scenes
+from barchan.errors import InputError
+from barchan.results import Results
+from barchan.results import open as open_results
+from barchan.scenes.scene import observables_of
+from barchan.storage import replacing, unwritable, write_text
+
+RUNS_FOLDER = "runs"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts: published figures beside ours."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a reproduction has found. notes : sentences.  converged : whether every run met its tolerance."""
+
+    tables: list[Table]
+    notes: list[str] = field(default_factory=list)
+    converged: bool = True
+
+
+@dataclass(frozen=True)
+class Job:
+    """A run that is wanted: a name for its folder, a scene and its overrides."""
+
+    label: str
+    scene: str
+    overrides: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Finished:
+    """A finished run: its summary, its observables (see `scenes.Run`) and its frames."""
+
+    summary: dict[str, Any]
+    observables: dict[str, np.ndarray]
+    results: Results
+
+
+class Workshop:
+    """The folder of a reproduction.
+
+    out : its folder; it may hold what an interrupted reproduction has left.  quick : fewer and coarser runs.
+    processes : how many scenes run at a time, each on one thread when there are several.
+    """
+
+    def __init__(self, out: Path, quick: bool = False, processes: int = 1) -> None:
+        if out.exists() and not out.is_dir():
+            raise InputError(str(out), "a file", "a folder")
+        try:
+            (out / RUNS_FOLDER).mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise unwritable(out, error) from error
+        self.out, self.quick, self.processes = out, quick, processes
+
+    def run(self, jobs: Sequence[Job]) -> list[Finished]:
+        """Every job's finished run, in order; those already in the folder are not run again."""
+        work = [(str(self._folder(job)), job.scene, dict(job.overrides)) for job in jobs]
+        if self.processes == 1 or len(work) == 1:
+            for number, item in enumerate(work, start=1):
+                _tell(_run_scene(item), number, len(work))
+        else:
+            self._run_in_processes(work)
+        return [_finished(Path(folder)) for folder, _, _ in work]
+
+    def _run_in_processes(self, work: list[tuple[str, str, dict[str, Any]]]) -> None:
+        # Children start afresh, with one thread each: together they fill the machine, and their bytes do not depend on it.
+        threads = {
+            name: os.environ.get(name) for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+        }
+        os.environ.update(dict.fromkeys(threads, "1"))
+        try:
+            context = multiprocessing.get_context("spawn")
+            with ProcessPoolExecutor(min(self.processes, len(work)), mp_context=context) as pool:
+                try:
+                    for number, told in enumerate(pool.map(_run_scene, work), start=1):
+                        _tell(told, number, len(work))
+                except BaseException:
+                    pool.shutdown(wait=False, cancel_futures=True)
+                    raise
+        finally:
+            for name, value in threads.items():
+                if value is None:
+                    os.environ.pop(name, None)
+                else:
+                    os.environ[name] = value
+
+    def _folder(self, job: Job) -> Path:
+        """A folder that belongs to exactly this scene, so that another one never takes its place."""
+        text = scenes.load(job.scene, **job.overrides).toml()
+        return self.out / RUNS_FOLDER / f"{job.label}-{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+
+    def write_csv(self, name: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+        """A table of numbers, whole or not at all."""
+        buffer = io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow(columns)
+        writer.writerows(rows)
+        write_text(self.out / name, buffer.getvalue())
+
+    def save(self, name: str, figure: Any) -> None:
+        """A matplotlib figure as PNG, whole or not at all."""
+        with replacing(self.out / name) as temporary:
+            figure.savefig(temporary, format="png")
+
+
+def new_figure(width: float, height: float) -> Any:
+    """A matplotlib figure (inches) on its own canvas, outside pyplot's global state."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def published(name: str) -> list[dict[str, str]]:
+    """The rows of a published table that comes with the package, by column."""
+    text = (resources.files("barchan.reproductions") / "published" / f"{name}.csv").read_text(
+        encoding="utf-8"
+    )
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    return list(csv.DictReader(lines))
+
+
+def all_converged(runs: Sequence[Finished]) -> bool:
+    """Whether every run met its tolerance in every step."""
+    return all(bool(run.summary["converged"]) for run in runs)
+
+
+def _run_scene(item: tuple[str, str, dict[str, Any]]) -> str:
+    """Run, resume or find a scene in its folder; a line about it."""
+    folder, scene, overrides = item
+    run = scenes.load(scene, **overrides).run(out=folder, resume=True, progress=False, pictures=False)
+    name = Path(folder).name
+    if run.already_finished:
+        return f"{name}: finished before"
+    summary = run.summary
+    return f"{name}: {summary['seconds_total']:.0f} s, certificate {summary['worst_certificate']:.1e}"
+
+
+def _finished(folder: Path) -> Finished:
+    results = open_results(folder)
+    return Finished(results.summary, observables_of(results), results)
+
+
+def _tell(text: str, number: int, count: int) -> None:
+    sys.stderr.write(f"{number}/{count} {text}\n")

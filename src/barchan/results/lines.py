@@ -1,0 +1,46 @@
+"""Pictures of numbers over one variable: profiles across a flow, histories, fits; lines and points with named axes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from barchan.storage import replacing
+
+_DPI = 150
+
+
+def draw_lines(
+    path: Path,
+    abscissa: np.ndarray,
+    drawn: Mapping[str, np.ndarray],
+    labels: tuple[str, str],
+    *,
+    title: str = "",
+    upright: bool = False,
+) -> None:
+    """Write a PNG with one line for each entry of `drawn`, atomically.
+
+    Parameters
+    ----------
+    abscissa : (n,).  drawn : words of the legend -> (n,); those with "exact" in them are drawn dashed.
+    labels : of the abscissa and of the values, with units.  upright : the abscissa is drawn upwards.
+    """
+    figure = Figure(figsize=(6.4, 4.8), dpi=_DPI, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis = figure.subplots()
+    for words, values in drawn.items():
+        style = {"linestyle": "--", "color": "black"} if "exact" in words else {}
+        axis.plot(*((values, abscissa) if upright else (abscissa, values)), label=words, **style)
+    along, values_label = labels
+    axis.set(xlabel=values_label if upright else along, ylabel=along if upright else values_label)
+    axis.set_title(title, fontsize=10, loc="left")
+    axis.grid(alpha=0.3)
+    if len(drawn) > 1:
+        axis.legend(fontsize=8)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, format="png")
