@@ -24,10 +24,10 @@ class TestPoiseuille:
         beyond = np.maximum(np.abs(y) - bingham, 0.0)
         exact = 0.5 * ((1.0 - bingham) ** 2 - beyond**2)
         assert np.abs(ux - exact).max() < 1e-3 * exact.max()
-        assert run.summary["plug_width"] == pytest.approx(2.0 * bingham, abs=0.11)
+        assert run.summary["plug_width"] == pytest.approx(2.0 * bingham, abs=0.025)
 
     def test_nothing_flows_when_the_yield_stress_bears_the_weight(self) -> None:
-        assert run_of("poiseuille_bingham", bingham=1.1, cells=8).summary["max_speed"] < 1e-8
+        assert run_of("poiseuille_bingham", bingham=1.1, cells=8, tolerance=1e-8).summary["max_speed"] < 1e-8
 
 
 class TestBagnold:
@@ -60,6 +60,7 @@ class TestCavity:
         assert run.summary["centreline_min_y"] == pytest.approx(0.535, abs=0.01)
         assert run.summary["plug_area"] == 0.0
 
+    @pytest.mark.slow
     def test_a_yield_stress_lifts_the_vortex_and_grows_plugs(self) -> None:
         soft, stiff = (run_of("cavity_bingham", bingham=bingham, cells=16) for bingham in (2.0, 20.0))
         assert 0.765 < soft.summary["vortex_y"] < stiff.summary["vortex_y"] < 1.0
@@ -81,12 +82,14 @@ class TestSilo:
         assert lines["discharge"][0] == 0.0
         assert lines["discharge"][-1] == pytest.approx(through, rel=1e-3)
 
+    @pytest.mark.slow
     def test_creeping_flow_is_proportional_to_the_reynolds_number(self) -> None:
         slow, fast = (
             run_of("silo", reynolds=re, vertices=60, tolerance=1e-5).summary["discharge"] for re in (1, 10)
         )
         assert fast == pytest.approx(10.0 * slow, rel=1e-2)
 
+    @pytest.mark.slow
     def test_friction_and_yield_stress_slow_the_discharge(self) -> None:
         base = {"vertices": 60, "tolerance": 1e-4}
         free = run_of("silo", mu=0.1, **base).summary["discharge"]
@@ -97,10 +100,10 @@ class TestSilo:
 
 class TestCylinder:
     def test_nothing_flows_against_a_pressure_that_bears_the_weight(self) -> None:
-        run = run_of("cylinder", mu=0.5, external_pressure=3.0, vertices=100, sides="no_slip")
+        run = run_of("cylinder", mu=0.5, external_pressure=3.0, vertices=100, sides="no_slip", tolerance=1e-5)
         assert abs(run.summary["mean_velocity"]) < 1e-4
 
     def test_the_pressure_vanishes_in_the_wake_of_a_fast_flow(self) -> None:
-        run = run_of("cylinder", external_pressure=0.5, vertices=150, tolerance=1e-3)
+        run = run_of("cylinder", sides="free_slip", external_pressure=0.5, vertices=150, tolerance=1e-3)
         assert run.summary["mean_velocity"] > 0.1
         assert run.summary["wake_pressure"] < 1e-3 < run.summary["front_pressure"]

@@ -40,12 +40,12 @@ def run_command(scene_name: str, out: Path | None, settings: list[str], resume: 
 def list_scenes() -> None:
     """A table of the presets on standard output."""
     table = Table(title="scenes", title_justify="left")
-    for heading in ("name", "kind", "dimension", "size", "description"):
-        table.add_column(heading)
+    for heading in ("name", "kind", "size", "description"):
+        table.add_column(heading, no_wrap=heading in ("name", "kind"))
     for name in scenes.preset_names():
         parameters = scenes.load(name).parameters
-        header = parameters.scene
-        table.add_row(name, header.kind, f"{parameters.dimension}D", parameters.size, header.description)
+        size = f"{parameters.dimension}D, {parameters.size}"
+        table.add_row(name, parameters.scene.kind, size, parameters.scene.description)
     Console().print(table)
 
 

@@ -6,7 +6,7 @@ path u_N depends on r_N alone and everything is smooth, which De Saxce's shift |
 K = -du/dr; a fictitious dilatancy zeta' in K (the last argument of `stiffness`) makes it as symmetric as one likes.
 
 State of n blocks of size s: x (n, s) forces, y (n, s) = (t, u_T) and w (n,) = u_N - zeta t, all equilibrated.
-Scaling: (w', eta, lam) of Nesterov and Todd for the pair (z, y), z = (mu (x_N + tau_t) + sigma, x_T). Laws (n, 4) as everywhere.
+`chunks`: the parts the blocks are cut into, one a thread. Scaling: (w', eta, lam) of Nesterov and Todd for the pair (z, y), z = (mu (x_N + tau_t) + sigma, x_T). Laws (n, 4) as everywhere.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import get_num_threads, njit, prange
+from numba import njit, prange
 
 from barchan.friction._barrier import _scale, cone_det, longest_step
 
@@ -59,12 +59,11 @@ def _invert(K, out):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def scale_blocks(laws, state, scaling):
+def scale_blocks(chunks, laws, state, scaling):
     """Nesterov-Todd scaling of every block into `scaling`; returns the gap, summed over blocks: z . y + (x_N + tau_t) w."""
     x, y, w = state
     point, eta, lam = scaling
     n, s = x.shape
-    chunks = get_num_threads()
     gaps = np.zeros(chunks)
     for chunk in prange(chunks):
         z = np.empty(s)
@@ -92,12 +91,11 @@ def scale_blocks(laws, state, scaling):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def stiffness(laws, state, scaling, dilatancy, compliance, out):
+def stiffness(chunks, laws, state, scaling, dilatancy, compliance, out):
     """D = (K + compliance)^-1 (n, s, s) into `out`, with K of the dilatancies (n,) given instead of the law's."""
     x, y, w = state
     point, eta, _ = scaling
     n, s = x.shape
-    chunks = get_num_threads()
     for chunk in prange(chunks):
         K = np.empty((s, s))
         theta = np.empty((s, s))
@@ -180,7 +178,7 @@ def _pull_inside(v, low, high, out):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def target(laws, state, scaling, center, weights, moved, step, target, right):
+def target(chunks, laws, state, scaling, center, weights, moved, step, target, right):
     """Right sides of the linearised complementarities, into target = (c (n, s), e (n,)).
 
     dy = c - Theta dz, dw = e - w / l dl aim at gap `center` weights_i. `moved` = (dz, dy, dl, dw) is a direction already found:
@@ -193,7 +191,6 @@ def target(laws, state, scaling, center, weights, moved, step, target, right):
     c, e = target
     cone_right, line_right = right
     n, s = x.shape
-    chunks = get_num_threads()
     for chunk in prange(chunks):
         a, b, v, rhs = np.empty(s), np.empty(s), np.empty(s), np.empty(s)
         for i in range(chunk * n // chunks, (chunk + 1) * n // chunks):
@@ -230,14 +227,13 @@ def target(laws, state, scaling, center, weights, moved, step, target, right):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def expand(laws, state, scaling, target, dx, moved):
+def expand(chunks, laws, state, scaling, target, dx, moved):
     """The direction (dz, dy, dl, dw) that belongs to the forces' direction dx; returns the longest feasible step."""
     x, y, w = state
     point, eta, _ = scaling
     c, e = target
     dz, dy, dl, dw = moved
     n, s = x.shape
-    chunks = get_num_threads()
     longest = np.full(chunks, np.inf)
     for chunk in prange(chunks):
         z, a = np.empty(s), np.empty(s)

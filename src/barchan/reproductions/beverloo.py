@@ -17,6 +17,7 @@ from barchan.reproductions.workshop import (
     all_converged,
     new_figure,
     published,
+    steady_value,
 )
 
 TITLE = "Beverloo scaling of the silo with inertia (seed A, Fig. 9 and Table 1)"
@@ -61,8 +62,7 @@ def reproduce(workshop: Workshop) -> Report:
         for index, rheology in enumerate(rheologies)
     }
     discharges = {
-        rheology: np.array([run.summary["discharge"] for run in several])
-        for rheology, several in found.items()
+        rheology: np.array([steady_value(run) for run in several]) for rheology, several in found.items()
     }
     _write(workshop, outlets, found)
     _draw(workshop, outlets, discharges)
@@ -133,7 +133,7 @@ def _fluid_table(outlets: tuple[float, ...], discharges: dict[Rheology, np.ndarr
 def _write(workshop: Workshop, outlets: tuple[float, ...], found: dict[Rheology, list[Finished]]) -> None:
     rows = [
         (
-            rheology.mu, rheology.reynolds, rheology.bingham, outlet, run.summary["discharge"], run.summary["end_time"],
+            rheology.mu, rheology.reynolds, rheology.bingham, outlet, steady_value(run), run.summary["end_time"],
             run.summary["ended"], run.summary["steps"], run.summary["worst_certificate"], run.summary["seconds_total"],
         )
         for rheology, runs in found.items()

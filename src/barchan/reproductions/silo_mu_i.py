@@ -8,7 +8,16 @@ import numpy as np
 
 from barchan.reproductions.beverloo import OUTLETS, QUICK, SILO
 from barchan.reproductions.fits import GRAINS, fit_free, fit_law
-from barchan.reproductions.workshop import Finished, Job, Report, Table, Workshop, all_converged, new_figure
+from barchan.reproductions.workshop import (
+    Finished,
+    Job,
+    Report,
+    Table,
+    Workshop,
+    all_converged,
+    new_figure,
+    steady_value,
+)
 
 TITLE = "The silo under mu(I): discharge and velocity sections (seed A, Fig. 10)"
 
@@ -29,7 +38,7 @@ def reproduce(workshop: Workshop) -> Report:
     """Six outlets, quickly three; the sections are those of D = L."""
     outlets = (0.5, 1.0, 2.0) if workshop.quick else OUTLETS
     runs = workshop.run([_job(outlet, workshop.quick) for outlet in outlets])
-    Q = np.array([run.summary["discharge"] for run in runs])
+    Q = np.array([steady_value(run) for run in runs])
     fit, free = fit_law(outlets, Q), fit_free(outlets, Q)
     rows = [
         (
@@ -95,5 +104,6 @@ def _draw(workshop: Workshop, outlets: np.ndarray, Q: np.ndarray, law: Any, run:
     aside.set(xlabel="horizontal velocity / sqrt(g L)", ylabel="y / L")
     for axis in (discharge, across, up, aside):
         axis.grid(alpha=0.3)
+        axis.locator_params(nbins=6)
         axis.legend(fontsize=8)
     workshop.save("silo_mu_i.png", figure)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from barchan import friction, scenes
@@ -22,7 +22,7 @@ COLUMNS = ("vertices", "method", "seconds", "iterations", "certificate", "conver
 
 @dataclass(frozen=True)
 class Solve:
-    """One measured solve. history : (seconds, residual) of its iterates, empty when read back."""
+    """One measured solve, as it stands in solves.csv."""
 
     vertices: int
     method: str
@@ -73,7 +73,7 @@ def _measure(workshop: Workshop, problem: friction.Problem, vertices: int, metho
         history.append((progress.seconds, progress.residual))
         return bool(progress.seconds > limit)
 
-    fresh = problem.variant(problem.law)
+    fresh = replace(problem)  # without factorisation or metric from the solve before
     began = time.perf_counter()
     solution = friction.solve(fresh, method, TOLERANCE, callback=watch)
     seconds = time.perf_counter() - began
@@ -155,5 +155,6 @@ def _draw(workshop: Workshop, solves: list[Solve]) -> None:
     cost.set(xlabel="vertices", ylabel=f"seconds to certificate {TOLERANCE:g}")
     for axis in (residuals, cost):
         axis.grid(alpha=0.3, which="both")
-        axis.legend(fontsize=7)
+        if axis.get_legend_handles_labels()[0]:
+            axis.legend(fontsize=7)
     workshop.save("solver_cost.png", figure)

@@ -149,6 +149,13 @@ def published(name: str) -> list[dict[str, str]]:
     return list(csv.DictReader(lines))
 
 
+def steady_value(run: Finished, span: float = 1.0) -> float:
+    """Mean of what an inertial run watches over its last `span` of time: single values jump with the solver's tolerance."""
+    steps = run.results.steps
+    last = steps["time"] > steps["time"][-1] - span
+    return float(steps["watched"][last].mean())
+
+
 def all_converged(runs: Sequence[Finished]) -> bool:
     """Whether every run met its tolerance in every step."""
     return all(bool(run.summary["converged"]) for run in runs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -34,7 +35,7 @@ def draw_lines(
     FigureCanvasAgg(figure)
     axis = figure.subplots()
     for words, values in drawn.items():
-        style = {"linestyle": "--", "color": "black"} if "exact" in words else {}
+        style: dict[str, Any] = {"linestyle": "--", "color": "black"} if "exact" in words else {}
         axis.plot(*((values, abscissa) if upright else (abscissa, values)), label=words, **style)
     along, values_label = labels
     axis.set(xlabel=values_label if upright else along, ylabel=along if upright else values_label)

@@ -111,7 +111,8 @@ class Results:
 
     def fields(self, frame: int) -> dict[str, np.ndarray]:
         """Fields of a frame at the vertices of the mesh: velocities (V, d), stresses (V, s) in block coordinates,
-        pressures, shear_stresses, shear_rates (V,), plug (V,), 1 where the material does not yield. Units are those of the scene.
+        pressures, shear_stresses, shear_rates (V,), plug (V,), 1 where the material does not yield. In the units of
+        the scene.
 
         Raises InputError for a frame that does not exist and for a run without mesh.
         """

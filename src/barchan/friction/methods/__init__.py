@@ -33,6 +33,7 @@ from barchan.friction.methods.newton import (
 from barchan.friction.methods.projected_gradient import projected_gradient
 from barchan.friction.methods.proximal_newton import proximal_newton
 from barchan.friction.methods.spg import spg
+from barchan.friction.methods.split_interior_point import split_interior_point
 from barchan.friction.methods.tangent_gradient import tangent_gradient
 
 FIRST_OPTION = 4
@@ -104,5 +105,8 @@ METHODS: dict[str, Method] = {
     ),
     "interior_point": Method(
         interior_point, "this project; seed B, 3.2", "central path, one factorisation a step"
+    ),
+    "split_interior_point": Method(
+        split_interior_point, "this project", "central path of pressure and friction apart, for flows"
     ),
 }

@@ -11,6 +11,7 @@ import numpy as np
 
 from barchan.friction.existence import NONE, existence_of
 from barchan.friction.methods._continuum import is_continuum, solve_continuum
+from barchan.friction.methods._flow import is_flow, solve_flow
 from barchan.friction.methods._island_solver import LARGEST_NEWTON, IslandSolver
 from barchan.friction.methods._portfolio import portfolio
 from barchan.friction.methods.apgd import apgd
@@ -44,6 +45,9 @@ def auto(
 
     max_iterations : bound on the work, in Gauss-Seidel sweeps.  min_iterations : sweeps made in any case.
     """
+    if operator == "auto" and is_flow(problem):
+        solve_flow(problem, recorder, r0, max_iterations)
+        return
     if operator != "explicit" and is_continuum(problem):
         _continuum(problem, recorder, r0, max_iterations, operator, min_iterations)
         return

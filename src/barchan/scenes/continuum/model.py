@@ -228,10 +228,14 @@ class ContinuumModel:
             self._primed = length
 
     def _steady(self, past: Vector) -> bool:
-        """Whether what is watched has changed little over the window."""
+        """Whether the means over the two halves of the window agree: the tolerance of the solver makes single values jump."""
         assert self.time is not None
-        window = past[past[:, 0] >= past[-1, 0] - self.time.steady_window * (1.0 + 1e-9), 1]
-        if past[-1, 0] - past[0, 0] < self.time.steady_window * (1.0 - 1e-9):
+        window = self.time.steady_window
+        if past[-1, 0] - past[0, 0] < window * (1.0 - 1e-9):
             return False
-        spread = float(window.max() - window.min())
-        return spread <= self.time.steady_tolerance * float(np.abs(window).max()) + 1e-12
+        age = past[-1, 0] - past[:, 0]
+        late, early = past[age < 0.5 * window, 1], past[(age >= 0.5 * window) & (age < window), 1]
+        if len(early) == 0:  # steps longer than half of the window: the two last ones
+            late, early = past[-1:, 1], past[-2:-1, 1]
+        change = abs(float(late.mean() - early.mean()))
+        return change <= self.time.steady_tolerance * abs(float(late.mean())) + 1e-12

@@ -59,9 +59,9 @@ class TimeGroup(Group):
         default=0.025, description="time step with which it then goes on until it is steady again"
     )
     steady_tolerance: Positive = Field(
-        default=2e-3, description="relative change that still counts as steady, within the window"
+        default=2e-3, description="relative change between the halves of the window that counts as steady"
     )
-    steady_window: Positive = Field(default=1.0, description="time over which the change is measured")
+    steady_window: Positive = Field(default=2.0, description="time over which the change is measured")
 
 
 class ContinuumParameters(SceneParameters):

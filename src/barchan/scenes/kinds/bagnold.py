@@ -33,7 +33,7 @@ from barchan.spaces.mixed import MixedSpace
 Vector = NDArray[np.float64]
 
 SMALLEST_VISCOSITY = 1e-3
-"""Bagnold's viscosity vanishes at the surface and at rest; this share of that at the base keeps the problem definite."""
+"""Bagnold's viscosity vanishes at the surface; this share of that at the base keeps the problem definite."""
 
 
 class BagnoldHeader(ContinuumHeader):
@@ -94,8 +94,8 @@ class BagnoldModel(ContinuumModel):
         """No slip at the base, free surface, exact stress on the ends."""
         parameters = self.parameters
         elements, angle = parameters.elements, parameters.angle
-        # The shear rate is like the root of the depth: cells whose depths are squares represent it well.
-        heights = 1.0 - np.linspace(1.0, 0.0, parameters.geometry.cells + 1) ** 2
+        # The shear rate is like the root of the depth: cells whose depths are like cubes represent it up to the surface.
+        heights = 1.0 - np.linspace(1.0, 0.0, parameters.geometry.cells + 1) ** 3
         along = np.linspace(0.0, 1.0, max(4, parameters.geometry.cells // 4) + 1)
         mesh = tensor_rectangle(along, heights)
         space = MixedSpace(mesh, elements.velocity, elements.stress, elements.imposed)
@@ -143,17 +143,14 @@ class BagnoldModel(ContinuumModel):
         return steepest * (1.0 - depth**1.5) * 2.0 / 3.0, steepest * np.sqrt(depth)
 
     def _viscosity(self) -> Any:
-        if self.parameters.material.viscosity == "constant":
-            return 1.0
-        base = 0.5 * math.sqrt(2.0 * self.parameters.drive)  # |D| at the base; nothing moves when it is zero
-        reference = base if base > 0.0 else 1.0
-        return RateViscosity(
-            lambda rate: rate, smallest=SMALLEST_VISCOSITY * reference, reference_rate=0.5 * reference
-        )
+        if self.parameters.material.viscosity == "constant" or self.parameters.drive == 0.0:
+            return 1.0  # where nothing moves |D| = 0 is no viscosity, and any other shows the same rest
+        base = 0.5 * math.sqrt(2.0 * self.parameters.drive)  # |D| at the base
+        return RateViscosity(lambda rate: rate, smallest=SMALLEST_VISCOSITY * base, reference_rate=0.5 * base)
 
     def _shear_rates(self, state: DenseState, y: Vector) -> Vector:
         """du_x/dy at x = 1/2, y (n,): differences over a small share of the depth, one-sided at the ends."""
-        step = 0.01 * np.maximum(1.0 - y, 1.0 / self.parameters.geometry.cells**2)
+        step = 0.01 * np.maximum(1.0 - y, 1.0 / self.parameters.geometry.cells**3)
         low, high = np.maximum(y - step, 0.0), np.minimum(y + step, 1.0)
         columns = [np.column_stack([np.full_like(y, 0.5), place]) for place in (low, high)]
         below, above = (self.space.at(state.velocity, column)[:, 0] for column in columns)

@@ -68,9 +68,9 @@ class GeometryGroup(Group):
 class ConditionsGroup(Group):
     """[conditions]"""
 
-    sides: Literal["no_slip", "free_slip"] = Field(default="free_slip", description="sides of the channel")
+    sides: Literal["no_slip", "free_slip"] = Field(default="no_slip", description="sides of the channel")
     external_pressure: NotNegative = Field(
-        default=0.5, description="pressure on the downstream end / (rho g L)"
+        default=0.8, description="pressure on the downstream end / (rho g L)"
     )
 
 
