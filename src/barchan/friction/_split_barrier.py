@@ -5,8 +5,9 @@ multiplier t >= |u_T| is the slip (seed B 1.3, the disjunctive law 4; equivalent
 path u_N depends on r_N alone and everything is smooth, which De Saxce's shift |u_T| is not. Newton's matrix of the pair is
 K = -du/dr; a fictitious dilatancy zeta' in K (the last argument of `stiffness`) makes it as symmetric as one likes.
 
-State of n blocks of size s: x (n, s) forces, y (n, s) = (t, u_T) and w (n,) = u_N - zeta t, all equilibrated.
-`chunks`: the parts the blocks are cut into, one a thread. Scaling: (w', eta, lam) of Nesterov and Todd for the pair (z, y), z = (mu (x_N + tau_t) + sigma, x_T). Laws (n, 4) as everywhere.
+State of n blocks of size s: x (n, s) forces, y (n, s) = (t, u_T) and w (n,) = u_N - zeta t, all equilibrated; laws (n, 4).
+`chunks`: the parts that the blocks are cut into, one a thread. Scaling: (w', eta, lam) of Nesterov and Todd for the pair (z, y)
+with z = (mu (x_N + tau_t) + sigma, x_T).
 """
 
 from __future__ import annotations
@@ -93,7 +94,7 @@ def scale_blocks(chunks, laws, state, scaling):
 @njit(cache=True, error_model="numpy", parallel=True)
 def stiffness(chunks, laws, state, scaling, dilatancy, compliance, out):
     """D = (K + compliance)^-1 (n, s, s) into `out`, with K of the dilatancies (n,) given instead of the law's."""
-    x, y, w = state
+    x, _, w = state
     point, eta, _ = scaling
     n, s = x.shape
     for chunk in prange(chunks):

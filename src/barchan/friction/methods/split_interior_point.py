@@ -28,8 +28,10 @@ DEFAULT_ITERATIONS = 100
 BOUNDARY = 0.99
 SMALLEST_CENTERING = 1e-4
 CORRECTIONS = 4
-SHORT, LONG = 0.3, 0.8
-MORE, LESS, LEAST_LAG = 2.0, 0.7, 0.02
+COMPLIANCE = 1e-9
+BALANCE, LARGEST_PATIENCE = 0.1, 0.5
+SHORT, LONG, FULL = 0.3, 0.8, 0.95
+MORE, LESS, LEAST, LEAST_LAG = 2.0, 0.7, 0.2, 0.02
 BLOCKABLE = 0.1
 BLOCKED, STALLED_STEPS = 1e-3, 12
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -74,6 +76,17 @@ def split_interior_point(
             return
 
 
+class _Shared:
+    """What variants of a problem share: equilibrated H, the pattern of Newton's matrix, its order of elimination."""
+
+    def __init__(self, problem: Problem, symmetric: bool) -> None:
+        root = np.repeat(np.sqrt(problem.rho), problem.s)
+        self.H = sp.csr_array(sp.diags_array(root) @ sp.csr_array(problem.H))
+        self.pull = sp.csr_array(self.H.T)
+        self.gram = GramPattern(problem.M, self.H, problem.s, upper=symmetric)
+        self.solver = PatternSolver(self.gram.matrix(), "positive" if symmetric else "structural")
+
+
 class SplitPath:
     """The iterate of the split central path: forces, multipliers and velocities, equilibrated and made of order one."""
 
@@ -86,9 +99,13 @@ class SplitPath:
         self.laws = problem.parameters.copy()
         self.laws[:, 1:3] /= self.root * self.unit
         self.excess = self.laws[:, barrier.MU] - self.laws[:, barrier.ZETA]
-        scale = sp.diags_array(np.repeat(self.root[:, 0], s))
-        self.M, self.H = problem.M, sp.csr_array(scale @ sp.csr_array(problem.H))
-        self.pull = sp.csr_array(self.H.T)
+        self.symmetric = not self.excess.any()
+        self.lag = 0.0 if self.symmetric else 1.0
+        shared = problem.origin.prepared(
+            ("split interior point", self.symmetric), lambda: _Shared(problem, self.symmetric)
+        )
+        self.M, self.H, self.pull, self.gram = problem.M, shared.H, shared.pull, shared.gram
+        self.solver: PatternSolver = shared.solver
         self.drift = self.root * problem.w.reshape(n, s) / self.unit
         self.f = problem.f / self.unit
         self.v = np.asarray(problem.factor.solve(self.f))
@@ -100,10 +117,6 @@ class SplitPath:
         self.constraints = n + cones
         # The path's gap in proportion to the size of a block: the weight of a quadrature point, for a flow.
         self.weights = (1.0 / problem.rho) / np.mean(1.0 / problem.rho)
-        self.symmetric = not self.excess.any()
-        self.lag = 0.0 if self.symmetric else 1.0
-        self.gram = GramPattern(problem.M, self.H, s, upper=self.symmetric)
-        self.solver: PatternSolver | None = None
         self.stiffness = np.empty((n, s, s))
         self.target, self.right = (np.empty((n, s)), np.empty(n)), (np.empty((n, s)), np.empty(n))
 
@@ -120,7 +133,8 @@ class SplitPath:
         center, predictor = gap / self.constraints, self._pair()
         dx, dv, longest = self._direction(0.0, predictor, predictor)
         after = barrier.gap_after(self.laws, self.state, predictor, min(1.0, longest))
-        share = min(1.0, max((max(after, 0.0) / gap) ** 3, SMALLEST_CENTERING))
+        patience = min(BALANCE * self.mismatch / center, LARGEST_PATIENCE)
+        share = min(1.0, max((max(after, 0.0) / gap) ** 3, SMALLEST_CENTERING, patience))
         pair = self._pair()
         dx, dv, longest = self._direction(share * center, predictor, pair)
         if longest < BLOCKABLE:
@@ -139,16 +153,10 @@ class SplitPath:
     def _factorise(self) -> bool:
         dilatancy = self.laws[:, barrier.ZETA] + self.lag * self.excess
         self.dilatancy = dilatancy
-        barrier.stiffness(
-            self.chunks, self.laws, self.state, self.scaling, dilatancy, 0.0, self.stiffness
-        )
+        barrier.stiffness(self.chunks, self.laws, self.state, self.scaling, dilatancy, COMPLIANCE, self.stiffness)
         if not np.isfinite(self.stiffness).all():
             return False
-        data = self.gram.data(self.stiffness)
-        if self.solver is None:
-            kind = "positive" if self.symmetric else "structural"
-            self.solver = PatternSolver(self.gram.matrix(self.stiffness), kind)
-        return self.solver.factorise(data)
+        return self.solver.factorise(self.gram.data(self.stiffness))
 
     def _miss(self) -> None:
         """How far the iterate is from M v = f + H^T x and from u = H v + w."""
@@ -157,6 +165,7 @@ class SplitPath:
         self.gaps = np.empty_like(x)
         rates = (self.H @ self.v).reshape(x.shape) + self.drift
         barrier.misfit(self.laws, self.state, rates, self.gaps)
+        self.mismatch = float(np.abs(np.einsum("ia,ia->i", x, self.gaps)).mean())
 
     def _pair(self) -> Pair:
         shape = self.state[0].shape
@@ -168,7 +177,6 @@ class SplitPath:
         """Direction towards the gap `center` (dx, dv, longest step), its pairs into `pair`; `moved`, `step`: see `target`."""
         known = (self.chunks, self.laws, self.state, self.scaling)
         barrier.target(*known, center, self.weights, moved, step, self.target, self.right)
-        assert self.solver is not None
         cone, line = self.target
         load = cone - self.gaps
         load[:, 0] = line + self.dilatancy * cone[:, 0] - self.gaps[:, 0]
@@ -204,6 +212,6 @@ class SplitPath:
         if self.symmetric:
             return
         if step > LONG:
-            self.lag *= LESS
+            self.lag *= LEAST if step > FULL else LESS
         elif step < SHORT:
             self.lag = min(1.0, MORE * self.lag + LEAST_LAG)
