@@ -184,6 +184,34 @@ def test_forces_on_the_parts_balance_weight_and_pressure():
         assert observables.drag(flow, state, "cylinder")[0] > 0.0
 
 
+def test_the_parts_of_the_drag_on_a_plate_are_yield_stress_and_viscous_shear():
+    """Total shear stress 1 at the walls: Bi of it from contacts, exactly, as it is constant across the cells there."""
+    bingham, length, cells = 0.5, 0.5, 12
+    flow, _ = poiseuille(bingham, cells)
+    state = flow.solve(1e-8, METHOD)
+    for name in ("top", "bottom"):
+        contact, viscous = observables.drag_parts(flow, state, name)
+        assert contact[0] == pytest.approx(bingham * length, rel=1e-4)
+        assert viscous[0] == pytest.approx((1.0 - bingham) * length, abs=length * 2.0 / cells)
+        # what is missing is the weight of less than the layer of cells along the plate
+        missing = observables.drag(flow, state, name)[0] - contact[0] - viscous[0]
+        assert 0.0 < missing < length * 2.0 / cells
+
+
+def test_the_parts_of_the_drag_on_a_cylinder_add_up_as_the_mesh_is_refined():
+    missing = []
+    for vertices in (80, 400):
+        mesh = channel_with_cylinder(1.0, 4.0, 1.0, 1.5, vertices)
+        conditions = {"sides": NoSlip(), "cylinder": FrictionalWall(0.2), "outflow": Pressure(1.0)}
+        flow = DenseFlow(
+            MixedSpace(mesh), Material.dimensionless(10.0, mu=0.3), conditions, gravity=(1.0, 0.0)
+        )
+        state = flow.solve(1e-4)
+        drag = observables.drag(flow, state, "cylinder")[0]
+        missing.append(1.0 - sum(part[0] for part in observables.drag_parts(flow, state, "cylinder")) / drag)
+    assert abs(missing[1]) < 0.6 * abs(missing[0]) < 0.06
+
+
 def test_discharge_equals_inflow_where_the_volume_is_kept():
     flow, _ = poiseuille(0.5, 8)
     state = flow.solve(1e-8, METHOD)

@@ -62,7 +62,7 @@ def test_a_direction_without_corrections_obeys_the_linearised_equations(
     cone, line = complementarity(laws, state)
     assert gap == pytest.approx(cone[:, 0].sum() + line.sum(), rel=1e-12)
     D = np.empty((n, s, s))
-    _split_barrier.stiffness(1, laws, state, scaling, np.ascontiguousarray(laws[:, 3]), 0.0, D)
+    _split_barrier.stiffness(laws, state, scaling, np.ascontiguousarray(laws[:, 3]), 0.0, D)
     weights, still = np.ones(n), (np.zeros((n, s)), np.zeros((n, s)), np.zeros(n), np.zeros(n))
     target, right = (np.empty((n, s)), np.empty(n)), (np.empty((n, s)), np.empty(n))
     _split_barrier.target(1, laws, state, scaling, 0.3, weights, still, 0.0, target, right)

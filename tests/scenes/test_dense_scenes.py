@@ -100,10 +100,27 @@ class TestSilo:
 
 class TestCylinder:
     def test_nothing_flows_against_a_pressure_that_bears_the_weight(self) -> None:
-        run = run_of("cylinder", mu=0.5, external_pressure=3.0, vertices=100, sides="no_slip", tolerance=1e-5)
-        assert abs(run.summary["mean_velocity"]) < 1e-4
+        run = run_of("cylinder", mu=0.5, external_pressure=3.0, vertices=100, sides="no_slip", tolerance=1e-8)
+        assert abs(run.summary["mean_velocity"]) < 1e-6
 
-    def test_the_pressure_vanishes_in_the_wake_of_a_fast_flow(self) -> None:
-        run = run_of("cylinder", sides="free_slip", external_pressure=0.5, vertices=150, tolerance=1e-3)
-        assert run.summary["mean_velocity"] > 0.1
-        assert run.summary["wake_pressure"] < 1e-3 < run.summary["front_pressure"]
+    def test_the_pressure_vanishes_in_the_wake(self) -> None:
+        run = run_of("cylinder", sides="free_slip", external_pressure=1.7, vertices=300, tolerance=1e-5)
+        found = run.summary
+        assert found["mean_velocity"] > 0.1
+        assert found["wake_pressure"] < 1e-5 < 1e-1 < found["front_pressure"] < found["max_pressure"]
+        # the wake is a region with an end, and matter in the zone ahead of the cylinder does not yield
+        assert 0.1 < found["wake_length"] / 0.25 < 2.0
+        assert found["rigid_area_ahead"] > 0.0
+
+    def test_the_drag_is_that_of_contacts_and_viscosity_and_hardly_depends_on_the_speed(self) -> None:
+        slow, fast = (
+            run_of("cylinder", mu=0.5, external_pressure=p, vertices=300, tolerance=1e-3).summary
+            for p in (0.7, 0.5)
+        )
+        assert fast["mean_velocity"] > 2.0 * slow["mean_velocity"] > 0.0
+        assert fast["drag"] == pytest.approx(slow["drag"], rel=0.15)
+        for found in (slow, fast):
+            parts = found["drag_contact"] + found["drag_viscous"]
+            assert parts == pytest.approx(found["drag"], rel=0.02)
+        assert fast["drag_viscous"] > slow["drag_viscous"] > 0.0
+        assert fast["drag_coefficient"] < slow["drag_coefficient"] / 4.0

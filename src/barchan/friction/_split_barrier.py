@@ -31,34 +31,6 @@ def _cone_force(law, x, z):
     return law[MU] > 0.0 or law[SIGMA] > 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _invert(K, out):
-    """out = K^-1 by elimination with row pivoting; K is destroyed."""
-    s = len(K)
-    for a in range(s):
-        for b in range(s):
-            out[a, b] = 1.0 if a == b else 0.0
-    for a in range(s):
-        best = a
-        for b in range(a + 1, s):
-            if abs(K[b, a]) > abs(K[best, a]):
-                best = b
-        if best != a:
-            for b in range(s):
-                K[a, b], K[best, b] = K[best, b], K[a, b]
-                out[a, b], out[best, b] = out[best, b], out[a, b]
-        pivot = 1.0 / K[a, a]
-        for b in range(s):
-            K[a, b] *= pivot
-            out[a, b] *= pivot
-        for c in range(s):
-            if c != a and K[c, a] != 0.0:
-                factor = K[c, a]
-                for b in range(s):
-                    K[c, b] -= factor * K[a, b]
-                    out[c, b] -= factor * out[a, b]
-
-
 @njit(cache=True, error_model="numpy", parallel=True)
 def scale_blocks(chunks, laws, state, scaling):
     """Nesterov-Todd scaling of every block into `scaling`; returns the gap, summed over blocks: z . y + (x_N + tau_t) w."""
@@ -92,38 +64,39 @@ def scale_blocks(chunks, laws, state, scaling):
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def stiffness(chunks, laws, state, scaling, dilatancy, compliance, out):
-    """D = (K + compliance)^-1 (n, s, s) into `out`, with K of the dilatancies (n,) given instead of the law's."""
+def stiffness(laws, state, scaling, dilatancy, compliance, out):
+    """D = (K + compliance)^-1 (n, s, s) into `out`, with K of the dilatancies (n,) given instead of the law's.
+
+    K_TT = (2 w_T w_T^T + I) / eta^2 and the Schur complement of K_NN are inverted in closed form, without cancellation, so
+    that D is positive definite to the last digit where K is symmetric.
+    """
     x, _, w = state
     point, eta, _ = scaling
     n, s = x.shape
-    for chunk in prange(chunks):
-        K = np.empty((s, s))
-        theta = np.empty((s, s))
-        for i in range(chunk * n // chunks, (chunk + 1) * n // chunks):
-            ratio = w[i] / (x[i, 0] + laws[i, TENSILE])
-            if eta[i] == 0.0:
-                out[i] = 0.0
-                out[i, 0, 0] = 1.0 / (ratio + compliance)
-                continue
-            scale = 1.0 / (eta[i] * eta[i])
-            for a in range(s):
-                wa = point[i, 0] if a == 0 else -point[i, a]
-                for b in range(s):
-                    wb = point[i, 0] if b == 0 else -point[i, b]
-                    unit = 0.0
-                    if a == b:
-                        unit = 1.0 if a == 0 else -1.0
-                    theta[a, b] = scale * (2.0 * wa * wb - unit)
-            mu, zeta = laws[i, MU], dilatancy[i]
-            K[0, 0] = ratio + zeta * mu * theta[0, 0] + compliance
-            for a in range(1, s):
-                K[0, a] = zeta * theta[0, a]
-                K[a, 0] = mu * theta[a, 0]
-                for b in range(1, s):
-                    K[a, b] = theta[a, b]
-                K[a, a] += compliance
-            _invert(K, out[i])
+    for i in prange(n):
+        schur = w[i] / (x[i, 0] + laws[i, TENSILE]) + compliance
+        if eta[i] == 0.0:
+            out[i] = 0.0
+            out[i, 0, 0] = 1.0 / schur
+            continue
+        soft = 1.0 / (eta[i] * eta[i])
+        square = 0.0
+        for k in range(1, s):
+            square += point[i, k] * point[i, k]
+        across = 1.0 / (soft + compliance)
+        along = 1.0 / (soft * (1.0 + 2.0 * square) + compliance)
+        # Of w_T w_T^T in K_TT^-1, which is `across` on the complement of w_T, and of w_T in q = -K_TT^-1 Theta_T0.
+        outer = -2.0 * soft * across * along
+        q = 2.0 * point[i, 0] * soft * along
+        mu, zeta = laws[i, MU], dilatancy[i]
+        schur += zeta * mu * soft / (2.0 * point[i, 0] * point[i, 0] - 1.0)
+        out[i, 0, 0] = 1.0 / schur
+        for a in range(1, s):
+            out[i, 0, a] = zeta * q * point[i, a] / schur
+            out[i, a, 0] = mu * q * point[i, a] / schur
+            for b in range(1, s):
+                out[i, a, b] = (outer + zeta * mu * q * q / schur) * point[i, a] * point[i, b]
+            out[i, a, a] += across
 
 
 @njit(cache=True, error_model="numpy", parallel=True)

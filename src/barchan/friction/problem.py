@@ -93,6 +93,7 @@ class Problem:
         Stored problems carry round-off of the code that made them: up to DELASSUS_ASYMMETRY is accepted, W kept as given.
     block_size : s; needed only when neither the law's arrays nor the blocks of a BSR matrix tell it.
     reference_force : r_ref of the certificate; the law residual is relative to max(|r|, r_ref).
+    places : (m, d) point and (m,) component of every velocity, optional; iterative solvers of large 3D systems ask for it.
 
     Raises
     ------
@@ -110,6 +111,7 @@ class Problem:
     b: Any = None
     block_size: int | None = None
     reference_force: float = 0.0
+    places: tuple[np.ndarray, np.ndarray] | None = None
 
     @classmethod
     def reduced(

@@ -184,7 +184,8 @@ class Pardiso:
     def _solution(self, phase: int, rhs: np.ndarray) -> np.ndarray:
         b = np.asfortranarray(rhs, dtype=float)
         x = np.zeros_like(b)
-        self._refuse(self._phase(phase, b, x), "solution")
+        if b.size:
+            self._refuse(self._phase(phase, b, x), "solution")
         return x
 
     @property

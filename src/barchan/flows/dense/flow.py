@@ -16,6 +16,7 @@ from barchan import friction
 from barchan.cones import DruckerPrager
 from barchan.errors import InputError
 from barchan.flows.dense.assembly import Assembly, Operator
+from barchan.flows.dense.closed import solve_at_lowest_pressure
 from barchan.flows.dense.conditions import Condition
 from barchan.flows.dense.inertia import Carrier
 from barchan.flows.dense.material import Material, MuI, RateViscosity
@@ -147,10 +148,12 @@ class DenseFlow:
         return first.variant(law, self.assembly.reduced_rates @ offset), offset
 
     def _fresh(self, operator: Operator, f: np.ndarray, law: DruckerPrager) -> friction.Problem:
-        assembly = self.assembly
+        assembly, d = self.assembly, self.space.dimension
+        component = self.reduction.places
         return friction.Problem(
             M=operator.reduced, f=f, H=assembly.reduced_rates, w=assembly.drift, law=law,
             block_size=self.space.s, reference_force=assembly.reference_force,
+            places=(self.space.nodes[component // d], component % d),
         )  # fmt: skip
 
     @cached_property
@@ -191,7 +194,7 @@ class DenseFlow:
         start: DenseState | None, options: Mapping[str, Any],
     ) -> DenseState:  # fmt: skip
         r0 = None if start is None else start.forces.reshape(-1)
-        solution = friction.solve(discrete.problem, method, tolerance, r0=r0, **options)
+        solution = solve_at_lowest_pressure(discrete.problem, method, tolerance, r0=r0, **options)
         if solution.status == "no solution":
             raise InputError(
                 "conditions", ", ".join(self.conditions) or "none", f"compatible: {solution.message}"

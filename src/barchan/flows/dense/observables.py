@@ -17,6 +17,9 @@ from barchan.linalg import factorise
 
 RIGID_MARGIN = 1e-3
 
+APART = 1e-5
+"""Yield stress, as a share of the flow's stresses, below which matter has come apart rather than being rigid."""
+
 
 def discharge(flow: DenseFlow, state: DenseState, name: str) -> float:
     """Flow rate through a named part, outwards positive [length^d / time]; InputError for an unknown part."""
@@ -40,6 +43,23 @@ def drag(flow: DenseFlow, state: DenseState, name: str) -> np.ndarray:
         # The block force acts on the matter; the wall feels its opposite.
         force = -np.einsum("q,qab,qa->b", rows.weights, rows.frames, traction)
     return np.asarray(force)
+
+
+def drag_parts(flow: DenseFlow, state: DenseState, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(d,) forces of the contact stress lambda and of the viscous stress of the matter on a named part, in volume form.
+
+    Each stress is tested with the unit fields on the part's nodes: integral of lambda : D(phi) and of 2 eta D(u) : D(phi). They
+    add up to `drag` but for weight and inertia of the layer of cells along the part, which vanish as the mesh is refined.
+    Raises InputError for an unknown part.
+    """
+    space, assembly = flow.space, flow.assembly
+    nodes = space.boundary_nodes(name)
+    viscosity = assembly.viscosity(assembly.shear_rates(state.velocity))
+    viscous = space.viscous(viscosity, flow.material.bulk) @ state.velocity
+    contact = -(space.rates.T @ state.forces[: space.n].reshape(-1))
+    # The boundary holds the matter by these forces; the matter acts on it by their opposites.
+    held = [-force.reshape(-1, space.dimension)[nodes].sum(axis=0) for force in (contact, viscous)]
+    return held[0], held[1]
 
 
 def pressures(flow: DenseFlow, state: DenseState) -> np.ndarray:
@@ -70,9 +90,14 @@ def yield_stresses(flow: DenseFlow, state: DenseState) -> np.ndarray:
 
 
 def rigid(flow: DenseFlow, state: DenseState, margin: float = RIGID_MARGIN) -> np.ndarray:
-    """(n,) mask of points that do not yield: shear stress below the yield stress by the relative `margin`."""
+    """(n,) mask of points that do not yield: shear stress below the yield stress by the relative `margin`.
+
+    Where nothing presses on grains, both stresses are remainders of the solver's, and the grains are not rigid.
+    """
     bound = yield_stresses(flow, state)
-    return np.asarray((bound > 0.0) & (shear_stresses(flow, state) < (1.0 - margin) * bound))
+    return np.asarray(
+        (bound > APART * flow.assembly.stress_scale) & (shear_stresses(flow, state) < (1.0 - margin) * bound)
+    )
 
 
 def vertex_field(flow: DenseFlow, values: np.ndarray) -> np.ndarray:

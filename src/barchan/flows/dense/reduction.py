@@ -55,6 +55,14 @@ class Reduction:
         return np.asarray(self.basis @ y + self.prescribed)
 
     @cached_property
+    def places(self) -> np.ndarray:
+        """(m,) number in (size,) of the component that each unknown is, or for rotated ones mostly is."""
+        if self.free is not None:
+            return self.free
+        columns = abs(sp.csc_array(self.basis))
+        return np.asarray(columns.argmax(axis=0)).reshape(-1)
+
+    @cached_property
     def _transposed(self) -> sp.csr_array:
         return sp.csr_array(self.basis.T)
 

@@ -22,13 +22,14 @@ from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
 from barchan.linalg.gram import GramPattern
+from barchan.linalg.krylov import KrylovSolver, solver_for
 from barchan.linalg.pattern_solver import PatternSolver
 
 DEFAULT_ITERATIONS = 100
 BOUNDARY = 0.99
 SMALLEST_CENTERING = 1e-4
 CORRECTIONS = 4
-COMPLIANCE = 1e-9
+COMPLIANCE = 1e-6
 BALANCE, LARGEST_PATIENCE = 0.1, 0.5
 SHORT, LONG, FULL = 0.3, 0.8, 0.95
 MORE, LESS, LEAST, LEAST_LAG = 2.0, 0.7, 0.2, 0.02
@@ -47,7 +48,8 @@ def split_interior_point(
     """Follow the central path from an interior start (`r0` only enters the record: interior points need no warm start).
 
     corrections : centrality correctors an iteration may try (Gondzio 1996), each one more solve with the same factors.
-    Cost of an iteration: one factorisation, three to five solves with it, one with M.
+    Cost of an iteration: one factorisation, three to seven solves with it, one with M. Where the factors would not fit and the
+    problem says where its velocities are (`places`), Krylov solves preconditioned by overlapping parts take their place.
 
     Raises
     ------
@@ -84,7 +86,12 @@ class _Shared:
         self.H = sp.csr_array(sp.diags_array(root) @ sp.csr_array(problem.H))
         self.pull = sp.csr_array(self.H.T)
         self.gram = GramPattern(problem.M, self.H, problem.s, upper=symmetric)
-        self.solver = PatternSolver(self.gram.matrix(), "positive" if symmetric else "structural")
+        kind = "positive" if symmetric else "structural"
+        self.solver: PatternSolver | KrylovSolver
+        if problem.places is None:
+            self.solver = PatternSolver(self.gram.matrix(), kind)
+        else:
+            self.solver = solver_for(self.gram.matrix(), kind, *problem.places)
 
 
 class SplitPath:
@@ -105,7 +112,7 @@ class SplitPath:
             ("split interior point", self.symmetric), lambda: _Shared(problem, self.symmetric)
         )
         self.M, self.H, self.pull, self.gram = problem.M, shared.H, shared.pull, shared.gram
-        self.solver: PatternSolver = shared.solver
+        self.solver = shared.solver
         self.drift = self.root * problem.w.reshape(n, s) / self.unit
         self.f = problem.f / self.unit
         self.v = np.asarray(problem.factor.solve(self.f))
@@ -153,7 +160,7 @@ class SplitPath:
     def _factorise(self) -> bool:
         dilatancy = self.laws[:, barrier.ZETA] + self.lag * self.excess
         self.dilatancy = dilatancy
-        barrier.stiffness(self.chunks, self.laws, self.state, self.scaling, dilatancy, COMPLIANCE, self.stiffness)
+        barrier.stiffness(self.laws, self.state, self.scaling, dilatancy, COMPLIANCE, self.stiffness)
         if not np.isfinite(self.stiffness).all():
             return False
         return self.solver.factorise(self.gram.data(self.stiffness))

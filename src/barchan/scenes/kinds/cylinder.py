@@ -40,6 +40,12 @@ from barchan.spaces.mixed import MixedSpace
 
 Vector = NDArray[np.float64]
 
+VANISHING = 1e-3
+"""Pressure / (rho g L) below which matter counts as come apart: far below any other, far above the solver's tolerance."""
+
+UNSHEARED = 1e-3
+"""Shear rate, in units of the greatest speed / diameter, below which matter ahead of the cylinder counts as rigid."""
+
 
 class CylinderHeader(ContinuumHeader):
     """[scene]"""
@@ -128,24 +134,29 @@ class CylinderModel(ContinuumModel):
         return DenseFlow(space, matter, conditions, gravity=(1.0, 0.0))
 
     def scalars(self, state: DenseState) -> dict[str, float]:
-        """Mean upstream velocity U, drag F, Fr = U / sqrt(D/L), C_D = 2 F / (U^2 D/L), wake pressure, rigid area ahead.
+        """Mean upstream velocity U, drag F and its parts, Fr = U / sqrt(D/L), C_D = 2 F / (U^2 D/L), wake, rigid area ahead.
 
-        Coefficients are infinite when nothing flows.
+        C_D is infinite when nothing flows. In the wake the pressure vanishes; rigid is what is not sheared.
         """
         geometry = self.parameters.geometry
         ratio = geometry.diameter / geometry.width
         speed = -2.0 * observables.discharge(self.flow, state, "inflow") / geometry.width
         drag = 2.0 * float(observables.drag(self.flow, state, "cylinder")[0])
+        contact, viscous = observables.drag_parts(self.flow, state, "cylinder")
         dynamic = 0.5 * speed**2 * ratio
         wake, ahead = self._zones()
         pressures, weights = observables.pressures(self.flow, state), self.space.weights
-        rigid = observables.rigid(self.flow, state) & ahead
+        rates = observables.shear_rates(self.flow, state)
+        rigid = ahead & (rates < UNSHEARED * self.max_speed(state) / geometry.diameter)
         return {
             "mean_velocity": speed,
             "drag": drag,
+            "drag_contact": 2.0 * float(contact[0]),
+            "drag_viscous": 2.0 * float(viscous[0]),
             "froude": speed / np.sqrt(ratio),
             "drag_coefficient": drag / dynamic if dynamic > 0.0 else np.inf,
             "wake_pressure": float(np.average(pressures[wake], weights=weights[wake])),
+            "wake_length": self._wake_length(pressures),
             "front_pressure": float(np.average(pressures[ahead], weights=weights[ahead])),
             "max_pressure": float(pressures.max()),
             "rigid_area_ahead": 2.0 * float(weights[rigid].sum()),
@@ -166,13 +177,22 @@ class CylinderModel(ContinuumModel):
         return found
 
     def _zones(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Points right behind the cylinder, within half a diameter of its rear and a quarter of the axis; right ahead of it."""
+        """Points behind the cylinder, within a quarter of a diameter of its rear and of the axis; points ahead of it.
+
+        Matter closes the wake again further behind, the sooner the slower it flows.
+        """
         diameter = self.parameters.geometry.diameter
         x, y = self.space.points.T
-        narrow = y < 0.25 * diameter
-        wake = narrow & (x > 0.5 * diameter * 0.9) & (x < diameter)
+        wake = (y < 0.25 * diameter) & (x > 0.0) & (x < 0.75 * diameter)
         ahead = (y < 0.5 * diameter) & (x < 0.0) & (x > -1.5 * diameter)
         return wake, ahead
+
+    def _wake_length(self, pressures: Vector) -> float:
+        """Length of the axis behind the cylinder without pressure; all of it if the pressure never rises."""
+        geometry, (x, y) = self.parameters.geometry, self.space.points.T
+        rear = 0.5 * geometry.diameter
+        near = (y < 0.1 * geometry.diameter) & (x > rear) & (pressures > VANISHING)
+        return float(x[near].min(initial=geometry.after)) - rear
 
 
 KIND = continuum_kind(
@@ -183,9 +203,11 @@ KIND = continuum_kind(
         figures=(
             ("mean_velocity", "mean upstream velocity"),
             ("drag", "drag / (rho g L^2)"),
+            ("drag_contact", "of it by the contact stress"),
             ("drag_coefficient", "drag coefficient"),
             ("froude", "Froude number"),
             ("wake_pressure", "pressure behind the cylinder / (rho g L)"),
+            ("wake_length", "length without pressure behind the cylinder / L"),
             ("rigid_area_ahead", "rigid area ahead of the cylinder / L^2"),
         ),
         curves=(
