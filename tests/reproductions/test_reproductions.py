@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from barchan import reproductions
 from barchan.errors import InputError
-from barchan.reproductions import poiseuille
+from barchan.reproductions import cylinder, poiseuille
 from barchan.reproductions.fits import fit_exponent, fit_free, fit_law
 from barchan.reproductions.workshop import Job, Workshop, published
 from barchan.scenes import Scene
@@ -50,6 +50,29 @@ class TestPublished:
         lines = (shared_data / "reference" / f"{name}.csv").read_text().splitlines()
         theirs = list(csv.DictReader(line for line in lines if not line.startswith("#")))
         assert published(name) == theirs
+
+
+class TestCylinder:
+    def test_the_axis_ahead_is_read_as_front_arch_and_dip(self) -> None:
+        x = np.linspace(-1.0, 0.0, 101)
+        # rises to 0.4 at -0.8, falls to 0.3 at -0.6, rises to 2 at -0.1, falls to 1.5 at the front
+        pressure = np.interp(x, [-1.0, -0.8, -0.6, -0.1, 0.0], [0.0, 0.4, 0.3, 2.0, 1.5])
+        assert cylinder._along_the_axis(x, pressure) == pytest.approx((1.5, 2.0, 0.1, 0.1))
+        assert cylinder._along_the_axis(x, x + 1.0) == pytest.approx((1.0, 1.0, 0.0, 0.0))
+
+    @given(mu=st.floats(0.0, 0.9))
+    def test_a_radial_plastic_field_is_in_balance(self, mu: float) -> None:
+        """sigma_r = r^(n - 1) and sigma_theta = n sigma_r are in balance, and yield with sin(phi) = mu."""
+        n = cylinder.radial_exponent(mu)
+        r, step = 0.7, 1e-5
+        slope = ((r + step) ** n - (r - step) ** n) / (2.0 * step)
+        assert slope == pytest.approx(n * r ** (n - 1.0), rel=1e-6)
+        assert (1.0 - n) / (1.0 + n) == pytest.approx(mu)
+
+    @given(n=st.floats(0.1, 2.0), factor=st.floats(0.1, 5.0))
+    def test_a_power_of_the_diameter_has_its_exponent(self, n: float, factor: float) -> None:
+        assert cylinder._exponent(factor * np.array(cylinder.DIAMETERS) ** n) == pytest.approx(n)
+        assert np.isnan(cylinder._exponent(np.array([1.0, np.nan, 2.0])))
 
 
 class TestWorkshop:

@@ -16,8 +16,10 @@ from barchan.friction.solution import Recorder
 SMALLEST_FLOW = 1500
 FEWEST_FORCES = 0.25
 # Work in solves with the factors of M: an iteration of the path costs about ten.
-DEFAULT_WORK = 4000
-WARM_SOLVES, PATH_SOLVES, PATH_STEPS = 60, 10, 30
+PATH_SOLVES, PATH_STEPS = 10, 80
+# Gradients gain at once or never: where the flow is not elliptic they leave a solution they have come near to.
+GRADIENT_SOLVES = 60
+DEFAULT_WORK = PATH_SOLVES * PATH_STEPS + 2 * GRADIENT_SOLVES
 
 
 def is_flow(problem: Problem) -> bool:
@@ -35,7 +37,7 @@ def solve_flow(problem: Problem, recorder: Recorder, r0: np.ndarray, max_iterati
     """
     budget = DEFAULT_WORK if max_iterations is None else max_iterations
     if r0.any():
-        warm = min(WARM_SOLVES, budget)
+        warm = min(GRADIENT_SOLVES, budget)
         aspg(problem, recorder, r0, max_iterations=warm, operator="matrix-free")
         budget -= warm
         if recorder.ended or budget <= 0:
@@ -48,4 +50,5 @@ def solve_flow(problem: Problem, recorder: Recorder, r0: np.ndarray, max_iterati
     if recorder.ended or recorder.best is None or budget <= 0:
         return
     recorder.begin_next()
-    aspg(problem, recorder, recorder.best, max_iterations=budget, operator="matrix-free")
+    last = min(GRADIENT_SOLVES, budget)
+    aspg(problem, recorder, recorder.best, max_iterations=last, operator="matrix-free")
