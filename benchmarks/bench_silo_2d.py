@@ -42,7 +42,7 @@ def reached(history: list[bc.friction.Progress]) -> str:
 
 
 def creeping(vertices: int) -> None:
-    """Ours against ASPG, which gets ten times as long."""
+    """Ours against ASPG, which gets twice as long."""
     start = time.perf_counter()
     problem = build(vertices, 1.0).problem()
     rows = problem.n * problem.s
@@ -57,7 +57,7 @@ def creeping(vertices: int) -> None:
         f"{ours.certificate.residual:.2e}, peak {peak:.1f} GiB\n    {reached(ours.history)}",
         flush=True,
     )
-    limit = time.perf_counter() + min(10.0 * ours.elapsed, 600.0)
+    limit = time.perf_counter() + 2.0 * ours.elapsed
     theirs = bc.friction.solve(
         problem, "aspg", tol=1e-4, operator="matrix-free", callback=lambda *_: time.perf_counter() > limit
     )
@@ -80,7 +80,8 @@ def inertial(vertices: int) -> None:
     late = np.array(seconds[10:])
     print(
         f"{vertices} vertices with inertia: mean {late.mean():.2f} s a step, median {np.median(late):.2f}, "
-        f"longest {late.max():.2f}; worst certificate {worst:.1e}; discharge {2.0 * observables.discharge(flow, state, 'outlet'):.3f}"
+        f"longest {late.max():.2f}; worst certificate {worst:.1e}; "
+        f"discharge {2.0 * observables.discharge(flow, state, 'outlet'):.3f}"
     )
 
 

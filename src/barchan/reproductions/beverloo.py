@@ -23,8 +23,8 @@ from barchan.reproductions.workshop import (
 TITLE = "Beverloo scaling of the silo with inertia (seed A, Fig. 9 and Table 1)"
 
 OUTLETS = (0.5, 0.75, 1.0, 1.625, 2.0)
-SILO = {"regime": "inertial", "vertices": 1000, "tolerance": 1e-4}
-QUICK = {"vertices": 500, "final_step": 0.05}
+SILO = {"regime": "inertial", "vertices": 600, "tolerance": 2e-4, "final_step": 0.05}
+QUICK = {"vertices": 400, "final_step": 0.1}
 
 
 @dataclass(frozen=True)

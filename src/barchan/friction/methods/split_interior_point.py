@@ -31,8 +31,8 @@ SMALLEST_CENTERING = 1e-4
 CORRECTIONS = 4
 COMPLIANCE = 1e-6
 BALANCE, LARGEST_PATIENCE = 0.1, 0.5
-SHORT, LONG, FULL = 0.3, 0.8, 0.95
-MORE, LESS, LEAST, LEAST_LAG = 2.0, 0.7, 0.2, 0.02
+SHORT, LONG = 0.1, 0.3
+MORE, LESS, LEAST_LAG = 4.0, 0.2, 0.02
 BLOCKABLE = 0.1
 BLOCKED, STALLED_STEPS = 1e-3, 12
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -107,7 +107,7 @@ class SplitPath:
         self.laws[:, 1:3] /= self.root * self.unit
         self.excess = self.laws[:, barrier.MU] - self.laws[:, barrier.ZETA]
         self.symmetric = not self.excess.any()
-        self.lag = 0.0 if self.symmetric else 1.0
+        self.lag = 0.0
         shared = problem.origin.prepared(
             ("split interior point", self.symmetric), lambda: _Shared(problem, self.symmetric)
         )
@@ -219,6 +219,6 @@ class SplitPath:
         if self.symmetric:
             return
         if step > LONG:
-            self.lag *= LEAST if step > FULL else LESS
+            self.lag *= LESS
         elif step < SHORT:
             self.lag = min(1.0, MORE * self.lag + LEAST_LAG)
