@@ -33,7 +33,6 @@ COMPLIANCE = 1e-6
 BALANCE, LARGEST_PATIENCE = 0.1, 0.5
 SHORT, LONG = 0.1, 0.3
 MORE, LESS, LEAST_LAG = 4.0, 0.2, 0.02
-BLOCKABLE = 0.1
 BLOCKED, STALLED_STEPS = 1e-3, 12
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -144,8 +143,8 @@ class SplitPath:
         share = min(1.0, max((max(after, 0.0) / gap) ** 3, SMALLEST_CENTERING, patience))
         pair = self._pair()
         dx, dv, longest = self._direction(share * center, predictor, pair)
-        if longest < BLOCKABLE:
-            dx, dv, longest, pair, share = self._cautious(dx, dv, longest, pair, share, center)
+        if longest < SHORT:
+            dx, dv, longest, pair = self._cautious(dx, dv, longest, pair, max(share, 0.5) * center)
         else:
             dx, dv, longest, pair = self._corrected(dx, dv, longest, pair, share * center)
         step = min(1.0, BOUNDARY * longest)
@@ -193,12 +192,12 @@ class SplitPath:
         return dx, dv, float(barrier.expand(*known, self.target, dx, pair))
 
     def _cautious(
-        self, dx: np.ndarray, dv: np.ndarray, longest: float, pair: Pair, share: float, center: float
-    ) -> tuple[np.ndarray, np.ndarray, float, Pair, float]:
+        self, dx: np.ndarray, dv: np.ndarray, longest: float, pair: Pair, goal: float
+    ) -> tuple[np.ndarray, np.ndarray, float, Pair]:
         """A more central direction without second-order terms, where the corrected one is blocked."""
-        other, goal = self._pair(), max(share, 0.5)
-        ox, ov, reach = self._direction(goal * center, self._pair(), other)
-        return (ox, ov, reach, other, goal) if reach > longest else (dx, dv, longest, pair, share)
+        other = self._pair()
+        ox, ov, reach = self._direction(goal, self._pair(), other)
+        return (ox, ov, reach, other) if reach > longest else (dx, dv, longest, pair)
 
     def _corrected(
         self, dx: np.ndarray, dv: np.ndarray, longest: float, pair: Pair, goal: float
