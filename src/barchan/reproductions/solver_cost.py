@@ -14,9 +14,10 @@ from barchan.reproductions.workshop import Report, Table, Workshop, new_figure, 
 TITLE = "Cost of the creeping silo on four meshes, convergence of the methods (seed A, Fig. 17 and Table 2)"
 
 VERTICES = (670, 2703, 10403, 41509)
-METHODS = ("projected_gradient", "apgd", "spg", "aspg", "interior_point", "auto")
+FIRST_ORDER = ("projected_gradient", "apgd", "spg", "aspg")
+METHODS = (*FIRST_ORDER, "split_interior_point", "auto")
 TOLERANCE = 1e-4
-LIMITS = {True: 20.0, False: 300.0}  # seconds for one solve, quickly or not
+LIMITS = {True: 20.0, False: 60.0}  # seconds for one solve, quickly or not
 COLUMNS = ("vertices", "method", "seconds", "iterations", "certificate", "converged")
 
 
@@ -33,7 +34,7 @@ class Solve:
 
 
 def reproduce(workshop: Workshop) -> Report:
-    """Every method on the four meshes (quickly the first two), each stopped at a limit; methods beyond it sit out."""
+    """Every method on the four meshes (quickly the first two); gradient methods stop at a limit and then sit out."""
     meshes = VERTICES[:2] if workshop.quick else VERTICES
     done = _read(workshop)
     solves: list[Solve] = []
@@ -50,7 +51,7 @@ def reproduce(workshop: Workshop) -> Report:
                 done[key] = _measure(workshop, problem, vertices, method)
             solves.append(done[key])
             _write(workshop, solves)
-            if not done[key].converged:
+            if not done[key].converged and method in FIRST_ORDER:
                 late.add(method)
     _draw(workshop, solves)
     return Report([_table(solves, meshes)], _notes(workshop), all(any(
@@ -71,7 +72,7 @@ def _measure(workshop: Workshop, problem: friction.Problem, vertices: int, metho
 
     def watch(progress: Any, _: Any) -> bool:
         history.append((progress.seconds, progress.residual))
-        return bool(progress.seconds > limit)
+        return method in FIRST_ORDER and bool(progress.seconds > limit)
 
     fresh = replace(problem)  # without factorisation or metric from the solve before
     began = time.perf_counter()
@@ -110,7 +111,7 @@ def _cell(solve: Solve) -> str:
 def _notes(workshop: Workshop) -> list[str]:
     return [
         "Published seconds are of a quad-core of 2009 and of a tolerance in another norm; ours of this machine.",
-        f"A method that missed the certificate within {LIMITS[workshop.quick]:g} s is left out on finer meshes.",
+        f"A gradient method that missed the certificate within {LIMITS[workshop.quick]:g} s is left out on finer meshes.",
     ]
 
 
