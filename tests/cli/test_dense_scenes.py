@@ -140,4 +140,10 @@ class TestReproduce:
         assert cli.main(["reproduce", "bagnold", "--quick", "--out", "x", "--processes", "1"]) == 0
         shown = capsys.readouterr().out
         assert "exact" in shown and "ours" in shown and "x" in shown
-        assert {path.name for path in Path("x").iterdir()} == {"bagnold.png", "profiles.csv", "runs"}
+        assert {path.name for path in Path("x").iterdir()} == {
+            "bagnold.png",
+            "profiles.csv",
+            "runs",
+            "tables.md",
+        }
+        assert "| ours" in Path("x/tables.md").read_text()

@@ -10,8 +10,10 @@ from rich.table import Table
 
 from barchan import reproductions
 from barchan.cli import NOT_CONVERGED
+from barchan.storage import write_text
 
 RUNS_FOLDER = Path("runs")
+WIDE = 200
 
 
 def reproduce_command(name: str | None, out: Path | None, quick: bool, processes: int) -> int:
@@ -22,12 +24,13 @@ def reproduce_command(name: str | None, out: Path | None, quick: bool, processes
     words = reproductions.title(name)  # an unknown name leaves nothing behind
     folder = out or RUNS_FOLDER / f"reproduce-{name}{'-quick' if quick else ''}"
     report = reproductions.reproduce(name, folder, quick, processes)
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else WIDE)  # a file or pipe gets whole tables
     console.print(words, highlight=False)
     for table in report.tables:
         console.print(_shown(table))
     for note in report.notes:
         console.print(note, highlight=False, soft_wrap=True)
+    write_text(folder / "tables.md", _markdown(words, report))
     console.print(f"tables, pictures and runs: {folder}", highlight=False, soft_wrap=True)
     if report.converged:
         return 0
@@ -41,6 +44,20 @@ def list_reproductions() -> None:
     for name in reproductions.NAMES:
         table.add_row(name, reproductions.title(name))
     Console().print(table)
+
+
+def _markdown(words: str, report: reproductions.Report) -> str:
+    """The report as it is kept beside the pictures."""
+    lines = [f"# {words}", ""]
+    for table in report.tables:
+        lines += [
+            table.title,
+            "",
+            "| " + " | ".join(table.columns) + " |",
+            "| --- " * len(table.columns) + "|",
+        ]
+        lines += ["| " + " | ".join(row) + " |" for row in table.rows] + [""]
+    return "\n".join(lines + list(report.notes)) + "\n"
 
 
 def _shown(table: reproductions.Table) -> Table:

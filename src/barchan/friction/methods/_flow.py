@@ -18,7 +18,7 @@ FEWEST_FORCES = 0.25
 # Work in solves with the factors of M: an iteration of the path costs about ten.
 PATH_SOLVES, PATH_STEPS = 10, 80
 # Gradients gain at once or never: where the flow is not elliptic they leave a solution they have come near to.
-GRADIENT_SOLVES = 60
+GRADIENT_SOLVES, FROZEN = 200, 10
 DEFAULT_WORK = PATH_SOLVES * PATH_STEPS + 2 * GRADIENT_SOLVES
 
 
@@ -38,7 +38,7 @@ def solve_flow(problem: Problem, recorder: Recorder, r0: np.ndarray, max_iterati
     budget = DEFAULT_WORK if max_iterations is None else max_iterations
     if r0.any():
         warm = min(GRADIENT_SOLVES, budget)
-        aspg(problem, recorder, r0, max_iterations=warm, operator="matrix-free")
+        _gradients(problem, recorder, r0, warm)
         budget -= warm
         if recorder.ended or budget <= 0:
             return
@@ -50,5 +50,9 @@ def solve_flow(problem: Problem, recorder: Recorder, r0: np.ndarray, max_iterati
     if recorder.ended or recorder.best is None or budget <= 0:
         return
     recorder.begin_next()
-    last = min(GRADIENT_SOLVES, budget)
-    aspg(problem, recorder, recorder.best, max_iterations=last, operator="matrix-free")
+    _gradients(problem, recorder, recorder.best, min(GRADIENT_SOLVES, budget))
+
+
+def _gradients(problem: Problem, recorder: Recorder, r0: np.ndarray, solves: int) -> None:
+    """ASPG with a shift that rests for FROZEN iterations: one that follows every iterate leaves a near solution again."""
+    aspg(problem, recorder, r0, max_iterations=solves, operator="matrix-free", shift_every=FROZEN)

@@ -31,8 +31,8 @@ SMALLEST_CENTERING = 1e-4
 CORRECTIONS = 4
 COMPLIANCE = 1e-6
 BALANCE, LARGEST_PATIENCE = 0.1, 0.5
-SHORT, LONG = 0.1, 0.3
-MORE, LESS, LEAST_LAG = 4.0, 0.2, 0.02
+SHORT, LONG = 0.2, 0.5
+MORE, LESS, LEAST_LAG = 3.0, 0.4, 0.02
 BLOCKED, STALLED_STEPS = 1e-3, 12
 Pair = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -106,7 +106,7 @@ class SplitPath:
         self.laws[:, 1:3] /= self.root * self.unit
         self.excess = self.laws[:, barrier.MU] - self.laws[:, barrier.ZETA]
         self.symmetric = not self.excess.any()
-        self.lag = 0.0
+        self.lag = 0.0 if self.symmetric else 1.0
         shared = problem.origin.prepared(
             ("split interior point", self.symmetric), lambda: _Shared(problem, self.symmetric)
         )
@@ -143,7 +143,7 @@ class SplitPath:
         share = min(1.0, max((max(after, 0.0) / gap) ** 3, SMALLEST_CENTERING, patience))
         pair = self._pair()
         dx, dv, longest = self._direction(share * center, predictor, pair)
-        if longest < SHORT:
+        if longest < 0.5 * SHORT:
             dx, dv, longest, pair = self._cautious(dx, dv, longest, pair, max(share, 0.5) * center)
         else:
             dx, dv, longest, pair = self._corrected(dx, dv, longest, pair, share * center)
