@@ -68,7 +68,7 @@ def test_bad_parameters_are_one_line_and_leave_nothing(
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("mesh.file=nowhere.msh", "nowhere.msh: must be a file that exists"),
+        ("mesh.file=nowhere.msh", "must be a file that exists"),
         (
             "boundaries.lid={type='no_slip'}",
             "boundaries.lid = unknown: must be a part of the boundary of the mesh: left",

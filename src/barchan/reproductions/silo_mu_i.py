@@ -21,6 +21,7 @@ from barchan.reproductions.workshop import (
 
 TITLE = "The silo under mu(I): discharge and velocity sections (seed A, Fig. 10)"
 
+FINE = {"final_step": 0.025}
 MU_I = {
     "mu": 0.32,
     "mu_increment": 0.28,
@@ -68,7 +69,7 @@ def reproduce(workshop: Workshop) -> Report:
 
 
 def _job(outlet: float, quick: bool) -> Job:
-    overrides = {**SILO, **(QUICK if quick else {}), **MU_I, "outlet": outlet}
+    overrides = {**SILO, **FINE, **(QUICK if quick else {}), **MU_I, "outlet": outlet}
     return Job(f"D{outlet:g}", "silo", overrides)
 
 
