@@ -71,5 +71,5 @@ def _draw(workshop: Workshop, runs: list[Finished]) -> None:
         ]
         draw_panels(
             workshop.out / f"{regime}.png", mesh_from(run.results.mesh), panels, title=f"{regime} flow",
-            units=DIMENSIONLESS,
+            columns=4, units=DIMENSIONLESS,
         )  # fmt: skip
