@@ -47,8 +47,8 @@ def main() -> None:
         flush=True,
     )
 
-    def tell(progress: object, r: np.ndarray) -> bool:
-        print(f"  {progress.iteration:4d} {progress.residual:.2e} {progress.seconds:7.1f} s", flush=True)  # type: ignore[attr-defined]
+    def tell(progress: bc.friction.Progress, r: np.ndarray) -> bool:
+        print(f"  {progress.iteration:4d} {progress.residual:.2e} {progress.seconds:7.1f} s", flush=True)
         return False
 
     start = time.perf_counter()

@@ -7,9 +7,9 @@ from barchan.scenes.continuum.parameters import (
     ContinuumParameters,
     ElementsGroup,
     GranularSolverGroup,
+    InertialParameters,
     SolverGroup,
     TimeGroup,
-    last_frame,
 )
 from barchan.scenes.continuum.report import Curve, Shown, continuum_kind
 
@@ -18,6 +18,7 @@ __all__ = [
     "ContinuumHeader",
     "ContinuumModel",
     "ContinuumParameters",
+    "InertialParameters",
     "Curve",
     "ElementsGroup",
     "FlowState",
@@ -26,5 +27,4 @@ __all__ = [
     "SolverGroup",
     "TimeGroup",
     "continuum_kind",
-    "last_frame",
 ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field
 
@@ -94,3 +94,35 @@ def last_frame(time: TimeGroup) -> int:
             "time.frame_rate", time.frame_rate, f"such that there are fewer than {MOST_FRAMES + 1} frames"
         )
     return count
+
+
+class InertialParameters(ContinuumParameters):
+    """A granular scene with a regime, creeping or inertial, and a material with friction and dilatancy."""
+
+    if TYPE_CHECKING:
+        flow: Any
+        material: Any
+        time: TimeGroup
+
+    @property
+    def inertial(self) -> bool:
+        """Whether the scene is stepped in time."""
+        return bool(self.flow.regime == "inertial")
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames per unit of time."""
+        return self.time.frame_rate if self.inertial else 1.0
+
+    @property
+    def frame_count(self) -> int:
+        """Most frames after the initial one."""
+        return last_frame(self.time) if self.inertial else 1
+
+    def check(self) -> None:
+        """Raise InputError as every continuum scene, and for more dilatancy than friction."""
+        super().check()
+        if self.material.dilatancy > self.material.mu:
+            raise InputError(
+                "material.dilatancy", self.material.dilatancy, f"at most mu = {self.material.mu:g}"
+            )

@@ -31,12 +31,11 @@ from barchan.flows.dense import (
 from barchan.scenes.continuum import (
     ContinuumHeader,
     ContinuumModel,
-    ContinuumParameters,
     GranularSolverGroup,
+    InertialParameters,
     Shown,
     TimeGroup,
     continuum_kind,
-    last_frame,
 )
 from barchan.scenes.parameters import Group, NotNegative, Positive
 from barchan.spaces.meshes import read_mesh
@@ -144,7 +143,7 @@ class DenseElementsGroup(Group):
     )
 
 
-class DenseParameters(ContinuumParameters):
+class DenseParameters(InertialParameters):
     """A complete scene of kind "dense"."""
 
     scene: DenseHeader
@@ -160,21 +159,6 @@ class DenseParameters(ContinuumParameters):
     def size(self) -> str:
         """The file."""
         return self.mesh.file
-
-    @property
-    def inertial(self) -> bool:
-        """Whether the scene is stepped in time."""
-        return self.flow.regime == "inertial"
-
-    @property
-    def frame_rate(self) -> float:
-        """Frames per unit of time."""
-        return self.time.frame_rate if self.inertial else 1.0
-
-    @property
-    def frame_count(self) -> int:
-        """Most frames after the initial one."""
-        return last_frame(self.time) if self.inertial else 1
 
     @property
     def conditions(self) -> dict[str, BoundaryGroup]:
@@ -210,10 +194,6 @@ class DenseParameters(ContinuumParameters):
                 )
         if not Path(self.mesh.file).is_file():
             raise InputError("mesh.file", self.mesh.file, "a file that exists")
-        if self.material.dilatancy > self.material.mu:
-            raise InputError(
-                "material.dilatancy", self.material.dilatancy, f"at most mu = {self.material.mu:g}"
-            )
 
 
 class DenseModel(ContinuumModel):

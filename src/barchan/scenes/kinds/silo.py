@@ -28,14 +28,13 @@ from barchan.flows.dense import (
 from barchan.scenes.continuum import (
     ContinuumHeader,
     ContinuumModel,
-    ContinuumParameters,
     Curve,
     ElementsGroup,
     GranularSolverGroup,
+    InertialParameters,
     Shown,
     TimeGroup,
     continuum_kind,
-    last_frame,
 )
 from barchan.scenes.parameters import Count, Group, NotNegative, Positive
 from barchan.spaces.meshes import silo
@@ -94,7 +93,7 @@ class FlowGroup(Group):
     )
 
 
-class SiloParameters(ContinuumParameters):
+class SiloParameters(InertialParameters):
     """A complete scene of kind "silo"."""
 
     scene: SiloHeader
@@ -106,33 +105,16 @@ class SiloParameters(ContinuumParameters):
     solver: GranularSolverGroup = GranularSolverGroup()
 
     @property
-    def inertial(self) -> bool:
-        """Whether the scene is stepped in time."""
-        return self.flow.regime == "inertial"
-
-    @property
     def size(self) -> str:
         """The vertices asked for."""
         return f"{self.geometry.vertices} vertices"
 
-    @property
-    def frame_rate(self) -> float:
-        """Frames per unit of time."""
-        return self.time.frame_rate if self.inertial else 1.0
-
-    @property
-    def frame_count(self) -> int:
-        """Most frames after the initial one."""
-        return last_frame(self.time) if self.inertial else 1
-
     def check(self) -> None:
         """Raise InputError unless the outlet fits and the friction coefficients agree."""
         super().check()
-        geometry, material = self.geometry, self.material
+        geometry = self.geometry
         if geometry.outlet >= geometry.width:
             raise InputError("geometry.outlet", geometry.outlet, f"less than the width {geometry.width:g}")
-        if material.dilatancy > material.mu:
-            raise InputError("material.dilatancy", material.dilatancy, f"at most mu = {material.mu:g}")
 
 
 class SiloModel(ContinuumModel):
