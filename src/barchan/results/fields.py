@@ -29,6 +29,7 @@ from barchan.storage import replacing
 
 __all__ = [
     "DIMENSIONLESS",
+    "KINEMATIC",
     "SI",
     "Panel",
     "draw_field",
@@ -45,6 +46,7 @@ SI: Mapping[str, str] = {
     "pressure": "pressure (Pa)",
     "shear stress": "shear stress (Pa)",
     "shear rate": "shear rate (1/s)",
+    "viscosity": "viscosity (Pa s)",
 }
 """Labels of axes and colour bars in SI units."""
 
@@ -55,8 +57,17 @@ DIMENSIONLESS: Mapping[str, str] = {
     "pressure": "pressure / P",
     "shear stress": "shear stress / P",
     "shear rate": "shear rate L / U",
+    "viscosity": "viscosity / (P L / U)",
 }
 """Labels of axes and colour bars for scales L, U and P (seed A: U = sqrt(g L), P = rho g L)."""
+
+KINEMATIC: Mapping[str, str] = {
+    **SI,
+    "pressure": "pressure / density (m²/s²)",
+    "shear stress": "shear stress / density (m²/s²)",
+    "viscosity": "viscosity / density (m²/s)",
+}
+"""Labels of axes and colour bars in SI units with stresses over the density (seed C 6.2.2)."""
 
 _DPI = 150
 _PANEL_INCHES = 3.6
@@ -75,7 +86,8 @@ class Panel:
     title : above the panel.
     colours : name of matplotlib's colour map.
     limits : ends of the colour bar; from the values when None.
-    clip : fraction of the area whose largest values may lie beyond the bar (singular corners would use it up).
+    clip : fraction of the area whose largest values, and negative ones whose lowest values, may lie beyond the bar (singular
+        corners would use it up).
     logarithmic : colours by order of magnitude, four of them below the largest value.
     lines : number of iso-lines over the colours.
     velocity : (vertices, 2) velocities whose stream lines are drawn.
@@ -122,19 +134,20 @@ def draw_flow_fields(
     shear_rate: ArrayLike | None = None,
     rigid: ArrayLike | None = None,
     *,
+    viscosity: ArrayLike | None = None,
     title: str = "",
     mirror: bool = False,
     units: Mapping[str, str] = SI,
 ) -> None:
-    """Picture (PNG) of a flow: speed with stream lines, then pressure, shear stress and shear rate with plugs hatched.
+    """Picture (PNG) of a flow: speed with stream lines, then pressure, shear stress, viscosity, shear rate with plugs hatched.
 
     Parameters
     ----------
     velocity : (vertices, 2).
-    pressure, shear_stress, shear_rate : (vertices,) or (cells,); a field that is None has no panel.
+    pressure, shear_stress, shear_rate, viscosity : (vertices,) or (cells,); a field that is None has no panel.
     rigid : (cells,) or (vertices,) true in plugs, hatched over the shear rate (over the speed without it).
     mirror : show both halves of a mesh with a part "axis".
-    units : labels, `SI` or `DIMENSIONLESS`.
+    units : labels, `SI`, `DIMENSIONLESS` or `KINEMATIC`.
 
     Raises InputError as `draw_field`.
     """
@@ -144,6 +157,8 @@ def draw_flow_fields(
         panels.append(Panel(pressure, units["pressure"], "pressure", "magma", clip=0.005, lines=12))
     if shear_stress is not None:
         panels.append(Panel(shear_stress, units["shear stress"], "shear stress", "magma", clip=0.005))
+    if viscosity is not None:
+        panels.append(Panel(viscosity, units["viscosity"], "viscosity", "magma", logarithmic=True))
     if shear_rate is not None:
         panels.append(
             Panel(shear_rate, units["shear rate"], "shear rate", "cividis", logarithmic=True, rigid=rigid)
@@ -245,6 +260,8 @@ def _ends(
         if panel.limits is not None
         else (least, _below(values[known], weights[known], panel.clip))
     )
+    if panel.limits is None and least < 0.0:
+        low = -_below(-values[known], weights[known], panel.clip)
     if panel.logarithmic and high > 0.0:
         low = max(low, _LEAST_LOGARITHMIC * high)
     if not high > low:

@@ -23,6 +23,7 @@ def draw_lines(
     *,
     title: str = "",
     upright: bool = False,
+    logarithmic: bool = False,
 ) -> None:
     """Write a PNG with one line for each entry of `drawn`, atomically.
 
@@ -30,6 +31,7 @@ def draw_lines(
     ----------
     abscissa : (n,).  drawn : words of the legend -> (n,); those with "exact" in them are drawn dashed.
     labels : of the abscissa and of the values, with units.  upright : the abscissa is drawn upwards.
+    logarithmic : the values by order of magnitude; those that are not positive are left out.
     """
     figure = Figure(figsize=(6.4, 4.8), dpi=_DPI, layout="constrained")
     FigureCanvasAgg(figure)
@@ -39,6 +41,8 @@ def draw_lines(
         axis.plot(*((values, abscissa) if upright else (abscissa, values)), label=words, **style)
     along, values_label = labels
     axis.set(xlabel=values_label if upright else along, ylabel=along if upright else values_label)
+    if logarithmic:
+        (axis.set_xscale if upright else axis.set_yscale)("log", nonpositive="mask")
     axis.set_title(title, fontsize=10, loc="left")
     axis.grid(alpha=0.3)
     if len(drawn) > 1:

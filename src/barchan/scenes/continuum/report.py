@@ -18,7 +18,7 @@ from barchan.scenes.kinds.kind import Kind
 class Curve:
     """A picture of lines: names and words of the abscissa and of what is drawn over it.
 
-    upright : the abscissa is drawn upwards, as a height is.
+    upright : the abscissa is drawn upwards, as a height is.  logarithmic : the values by order of magnitude.
     """
 
     abscissa: str
@@ -26,6 +26,7 @@ class Curve:
     drawn: tuple[tuple[str, str], ...]
     values: str
     upright: bool = False
+    logarithmic: bool = False
 
 
 @dataclass(frozen=True)

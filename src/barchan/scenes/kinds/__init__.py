@@ -7,7 +7,18 @@ from importlib import import_module
 from barchan.errors import InputError
 from barchan.scenes.kinds.kind import Kind
 
-KIND_NAMES = ("column", "silo", "poiseuille", "bagnold", "cavity", "cylinder", "dense")
+KIND_NAMES = (
+    "column",
+    "silo",
+    "poiseuille",
+    "bagnold",
+    "cavity",
+    "cylinder",
+    "dense",
+    "cylinder_dfg",
+    "couette",
+    "fluid_cavity",
+)
 """What `[scene] kind` may be; the first is the kind of a scene file that names none."""
 
 __all__ = ["KIND_NAMES", "Kind", "find_kind"]
