@@ -12,7 +12,6 @@ from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-import skfem
 
 from _table import print_table
 from barchan.flows.quasi_newtonian.conditions import NoSlip, Velocity
@@ -20,30 +19,15 @@ from barchan.flows.quasi_newtonian.flow import QuasiNewtonianFlow
 from barchan.flows.quasi_newtonian.models import ModifiedPoliquen
 from barchan.flows.quasi_newtonian.multigrid import MultigridSolver
 from barchan.linalg.multigrid import CycleOptions
-from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace
+from barchan.spaces.meshes import annulus
+from barchan.spaces.quadratic import QuadraticSpace
 
 INNER, OUTER, SPEED = 0.019, 0.024, 0.019886667
 
 
-def ring() -> QuadraticMesh:
-    """Level 1 of the gap."""
-    angles, radii = np.pi * np.arange(16) / 8.0, np.linspace(INNER, OUTER, 3)
-    points = np.stack([np.outer(radii, np.cos(angles)).ravel(), np.outer(radii, np.sin(angles)).ravel()])
-    i = np.arange(16)
-    j = (i + 1) % 16
-    cells = np.hstack([16 * k + np.stack([i, i + 16, j + 16, j]) for k in range(2)])
-    parts = {"inner": lambda x: np.hypot(*x) < 0.0215, "outer": lambda x: np.hypot(*x) > 0.0215}
-
-    def circle(radius: float) -> Callable[[np.ndarray], np.ndarray]:
-        return lambda x: x * (radius / np.linalg.norm(x, axis=1))[:, None]
-
-    mesh = skfem.MeshQuad(points, cells).with_boundaries(parts)
-    return QuadraticMesh.of(mesh, {"inner": circle(INNER), "outer": circle(OUTER)})
-
-
 def hierarchy(level: int) -> list[QuadraticSpace]:
     """Spaces of the levels 1 to `level`."""
-    mesh = ring()
+    mesh = annulus(1, INNER, OUTER)
     spaces = [QuadraticSpace(mesh)]
     for _ in range(level - 1):
         mesh = mesh.refined()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 
 import numpy as np
@@ -107,8 +108,8 @@ def test_orders_of_convergence_are_slopes() -> None:
     assert poiseuille.order_of((4, 8, 16), [1.0, 0.25, 0.0625]) == pytest.approx(2.0)
 
 
-def test_every_reproduction_has_a_title_that_names_its_figure() -> None:
-    assert all("Fig." in reproductions.title(name) for name in reproductions.NAMES)
+def test_every_reproduction_has_a_title_that_names_its_figure_or_table() -> None:
+    assert all(re.search("Fig[.]|Table", reproductions.title(name)) for name in reproductions.NAMES)
     with pytest.raises(InputError, match="one of poiseuille"):
         reproductions.title("navier")
 

@@ -46,12 +46,23 @@ class TestRuns:
         assert {"fields.png", "residuals.png"} <= pictures
 
     def test_the_history_of_the_solver_is_kept(self) -> None:
-        run = scenes.load("couette", level=2, method="adaptive-newton", delta0=0.5).run(progress=False)
+        run = scenes.load("couette", level=2, method="adaptive-newton", delta0=0.5, start="rest").run(
+            progress=False
+        )
         found = run.observables
         steps = int(found["nonlinear_iterations"][-1])
         assert len(found["residuals"]) == steps + 1 and len(found["weights"]) == steps
         assert found["residuals"][-1] <= 1e-8 * found["residuals"][0]
         assert found["weights"][0] == 0.5
+
+    def test_a_nested_start_is_nearer_than_rest_and_leads_to_the_same_flow(self) -> None:
+        rest, nested = (
+            scenes.load("couette", level=2, start=start).run(progress=False) for start in ("rest", "nested")
+        )
+        assert nested.observables["residuals"][0] < 0.1 * rest.observables["residuals"][0]
+        assert max(rest.summary["worst_certificate"], nested.summary["worst_certificate"]) <= 1e-8
+        speeds = rest.observables["cut_speed"]
+        np.testing.assert_allclose(nested.observables["cut_speed"], speeds, atol=1e-6 * speeds.max())
 
     def test_an_interrupted_run_in_time_resumes_to_the_same_bytes(
         self, no_pictures: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -32,8 +32,9 @@ class CellPattern:
 
     def __init__(self, cell_unknowns: np.ndarray, size: int) -> None:
         unknowns = np.ascontiguousarray(cell_unknowns, dtype=np.int32)
-        if unknowns.size and (unknowns.min() < 0 or unknowns.max() >= size):
-            raise InputError("cell_unknowns", int(unknowns.max()), f"numbers between 0 and {size - 1}")
+        wrong = unknowns[(unknowns < 0) | (unknowns >= size)]
+        if wrong.size:
+            raise InputError("cell_unknowns", int(wrong[0]), f"numbers between 0 and {size - 1}")
         self.size, self.cell_unknowns = int(size), unknowns
         cells, n = unknowns.shape
         order = np.argsort(unknowns.ravel(), kind="stable")

@@ -12,7 +12,23 @@ from pathlib import Path
 from barchan.errors import InputError
 from barchan.reproductions.workshop import Report, Table, Workshop
 
-NAMES = ("poiseuille", "bagnold", "beverloo", "silo_mu_i", "silo_fields", "cylinder", "solver_cost")
+NAMES = (
+    "poiseuille",
+    "bagnold",
+    "beverloo",
+    "silo_mu_i",
+    "silo_fields",
+    "cylinder",
+    "solver_cost",
+    "bingham_cavity",
+    "cylinder_benchmark",
+    "adaptive_newton",
+    "continuation",
+    "couette_solver",
+    "couette_levels",
+    "couette_regularisation",
+    "couette_strategies",
+)
 
 __all__ = ["NAMES", "Report", "Table", "Workshop", "reproduce", "title"]
 

@@ -8,7 +8,7 @@ import io
 import multiprocessing
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from importlib import resources
@@ -82,14 +82,18 @@ class Workshop:
     def run(self, jobs: Sequence[Job]) -> list[Finished]:
         """Every job's finished run, in order; those already in the folder are not run again."""
         work = [(str(self._folder(job)), job.scene, dict(job.overrides)) for job in jobs]
-        if self.processes == 1 or len(work) == 1:
-            for number, item in enumerate(work, start=1):
-                _tell(_run_scene(item), number, len(work))
-        else:
-            self._run_in_processes(work)
+        self.each(_run_scene, work, self.processes)
         return [_finished(Path(folder)) for folder, _, _ in work]
 
-    def _run_in_processes(self, work: list[tuple[str, str, dict[str, Any]]]) -> None:
+    def each(self, task: Callable[[Any], str], work: Sequence[Any], processes: int) -> None:
+        """Do `task`, a function of a module, to every item, `processes` at a time; it returns a line that is told."""
+        if processes == 1 or len(work) == 1:
+            for number, item in enumerate(work, start=1):
+                _tell(task(item), number, len(work))
+        elif work:
+            self._in_processes(task, work, processes)
+
+    def _in_processes(self, task: Callable[[Any], str], work: Sequence[Any], processes: int) -> None:
         # Children start afresh, with one thread each: together they fill the machine, and their bytes do not depend on it.
         threads = {
             name: os.environ.get(name) for name in ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
@@ -97,9 +101,9 @@ class Workshop:
         os.environ.update(dict.fromkeys(threads, "1"))
         try:
             context = multiprocessing.get_context("spawn")
-            with ProcessPoolExecutor(min(self.processes, len(work)), mp_context=context) as pool:
+            with ProcessPoolExecutor(min(processes, len(work)), mp_context=context) as pool:
                 try:
-                    for number, told in enumerate(pool.map(_run_scene, work), start=1):
+                    for number, told in enumerate(pool.map(task, work), start=1):
                         _tell(told, number, len(work))
                 except BaseException:
                     pool.shutdown(wait=False, cancel_futures=True)

@@ -11,6 +11,7 @@ import numpy as np
 from barchan.errors import InputError
 from barchan.flows.conditions import FreeSlip, NoSlip, Pressure, Stress, Symmetry, Velocity
 from barchan.spaces.mixed import sampled
+from barchan.spaces.quadratic import Boundary
 
 __all__ = [
     "ChannelEnd",
@@ -55,3 +56,14 @@ class ChannelEnd:
 
 
 Condition: TypeAlias = NoSlip | Velocity | FreeSlip | Stress | Pressure | Slip | ChannelEnd
+
+
+def prescribed_pressure(condition: Condition | None, side: Boundary) -> np.ndarray:
+    """(F, R) pressure that a condition sets on an open part: 0 where it says nothing of stresses."""
+    points = side.points.reshape(-1, 2)
+    if isinstance(condition, ChannelEnd):
+        return sampled(condition.pressure, points, "pressure").reshape(side.weights.shape)
+    if isinstance(condition, Pressure | Stress):
+        tensors = condition.at(points).reshape(*side.weights.shape, 2, 2)
+        return -np.einsum("fqa,fqab,fqb->fq", side.normals, tensors, side.normals)
+    return np.zeros(side.weights.shape)

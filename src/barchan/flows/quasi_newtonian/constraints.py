@@ -19,6 +19,8 @@ from barchan.spaces.quadratic import QuadraticSpace
 SAME_DIRECTION = 0.35
 """Sine below which two prescribed directions at a node count as one."""
 ALONG_AXIS = 1e-12
+OPEN = 1e-6
+"""Share of the normal left free above which a part is open."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,6 +158,23 @@ def _rotation(size: int, frames: Mapping[int, np.ndarray]) -> sp.csr_array | Non
             for b in (0, 1):
                 turn[2 * node + a, 2 * node + b] = frame[a, b]
     return sp.csr_array(turn)
+
+
+def open_parts(space: QuadraticSpace, constraints: Constraints) -> list[str]:
+    """Names of the parts through which the fluid may pass as it likes, so that the pressure there is set.
+
+    The middles of sides decide: no other part prescribes anything there.
+    """
+    vertices, found = space.mesh.skeleton.p.shape[1], []
+    for name, facets in space.mesh.boundaries.items():
+        normals = np.zeros(space.size)
+        normals[: 2 * space.N] = node_normals(space, name).ravel()
+        through = constraints.to_rotated(normals)
+        through[constraints.fixed] = 0.0
+        middles = through[: 2 * space.N].reshape(-1, 2)[vertices + np.asarray(facets)]
+        if np.abs(middles).max() > OPEN:
+            found.append(name)
+    return found
 
 
 def check_parts(space: QuadraticSpace, conditions: Mapping[str, Condition]) -> None:

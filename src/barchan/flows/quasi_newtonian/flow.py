@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,8 @@ import numpy as np
 from barchan.errors import InputError
 from barchan.flows.conditions import Pressure, Stress
 from barchan.flows.quasi_newtonian._kernels import element_matrices, momentum_vectors, sample
-from barchan.flows.quasi_newtonian.conditions import ChannelEnd, Condition, Slip
-from barchan.flows.quasi_newtonian.constraints import Constraints, check_parts, constrain
+from barchan.flows.quasi_newtonian.conditions import ChannelEnd, Condition, Slip, prescribed_pressure
+from barchan.flows.quasi_newtonian.constraints import Constraints, check_parts, constrain, open_parts
 from barchan.flows.quasi_newtonian.models import ViscosityModel
 from barchan.spaces.mixed import sampled
 from barchan.spaces.quadratic import QuadraticSpace
@@ -95,7 +94,7 @@ class QuasiNewtonianFlow:
         self.density, self.convection = float(density), bool(convection)
         self.force = force
         self.constraints = constrain(space, self.conditions)
-        self.load = self._load()
+        self.load, self.frictions = self._load(), self._frictions()
         self.mean_pressure = self._mean_pressure(mean_pressure)
 
     def with_model(self, model: ViscosityModel) -> QuasiNewtonianFlow:
@@ -128,18 +127,12 @@ class QuasiNewtonianFlow:
 
     def _mean_pressure(self, given: float | None) -> float | None:
         """The mean pressure of an enclosed flow, None for an open one; checked."""
-        open_parts = [
-            name
-            for name in self.space.mesh.boundaries
-            if isinstance(self.conditions.get(name), Pressure | Stress | ChannelEnd | None)
-        ]
-        self._refuse_negative_pressures()
+        found = open_parts(self.space, self.constraints)
+        self._refuse_negative_pressures(found)
         dependent = self.model.uses_pressure
-        if open_parts:
+        if found:
             if given is not None:
-                raise InputError(
-                    "mean_pressure", given, f"left out: the part {open_parts[0]} sets the pressure"
-                )
+                raise InputError("mean_pressure", given, f"left out: the part {found[0]} sets the pressure")
             return None
         if given is None:
             if dependent:
@@ -154,20 +147,20 @@ class QuasiNewtonianFlow:
         self._refuse_net_flux()
         return float(given)
 
-    def _refuse_negative_pressures(self) -> None:
-        if not self.model.uses_pressure:
-            return
-        for name, condition in self.conditions.items():
-            if isinstance(condition, Pressure | ChannelEnd):
-                value = condition.value if isinstance(condition, Pressure) else condition.pressure
-                least = float(
-                    np.min(sampled(value, self.space.boundary(name).points.reshape(-1, 2), "pressure"))
-                )
-                if least < 0.0:
-                    raise InputError(f"conditions.{name}.pressure", least, _POSITIVE_PRESSURE)
+    def _refuse_negative_pressures(self, found: list[str]) -> None:
+        """Check what an open boundary sets; `start_pressure` becomes its mean."""
+        total = length = 0.0
+        for name in found:
+            side = self.space.boundary(name)
+            values = prescribed_pressure(self.conditions.get(name), side)
+            if self.model.uses_pressure and values.min() < 0.0:
+                raise InputError(f"conditions.{name}.pressure", float(values.min()), _POSITIVE_PRESSURE)
+            total, length = total + float(np.sum(side.weights * values)), length + float(side.weights.sum())
+        self.start_pressure = total / length if self.model.uses_pressure and length > 0.0 else 0.0
 
     def _refuse_net_flux(self) -> None:
-        velocity = self.at_rest()[0]
+        x = self.constraints.impose(np.zeros(self.space.size))
+        velocity = x[: 2 * self.space.N].reshape(-1, 2)
         net = total = 0.0
         for name in self.space.mesh.boundaries:
             side = self.space.boundary(name)
@@ -184,8 +177,7 @@ class QuasiNewtonianFlow:
                 "without net flux: the fluid is incompressible and enclosed",
             )
 
-    @cached_property
-    def frictions(self) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _frictions(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Cells (F,) and element matrices (F, 2k, 2k) of slip with friction."""
         found = []
         for name, condition in self.conditions.items():
@@ -233,10 +225,11 @@ class QuasiNewtonianFlow:
     # -- fields ------------------------------------------------------------------------------------------------------
 
     def at_rest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity (N, 2), zero but for prescribed values, and pressure (P,), zero or the mean pressure."""
+        """Velocity (N, 2), zero but for prescribed values; pressure (P,), the mean pressure of an enclosed flow, the mean of
+        what an open boundary sets where the viscosity depends on it, else zero."""
         x = self.constraints.impose(np.zeros(self.space.size))
-        mean = getattr(self, "mean_pressure", None) or 0.0
-        return x[: 2 * self.space.N].reshape(-1, 2), mean * self.space.unit_pressure
+        pressure = self.start_pressure if self.mean_pressure is None else self.mean_pressure
+        return x[: 2 * self.space.N].reshape(-1, 2), pressure * self.space.unit_pressure
 
     def fields(self, velocity: np.ndarray, pressure: np.ndarray) -> Fields:
         """Everything at the quadrature points."""

@@ -21,7 +21,12 @@ from barchan.linalg.fgmres import KrylovResult
 from barchan.linalg.multigrid import Border, CycleOptions, Level, Multigrid
 from barchan.linalg.vanka import VankaSmoother, multiply
 from barchan.spaces.quadratic.space import QuadraticSpace
-from barchan.spaces.quadratic.transfers import pressure_transfer, prolongation, velocity_transfer
+from barchan.spaces.quadratic.transfers import (
+    check_refinement,
+    pressure_transfer,
+    prolongation,
+    velocity_transfer,
+)
 
 
 @dataclass(frozen=True)
@@ -88,10 +93,12 @@ class GeometricMultigrid:
         for space, constraint in zip(spaces, constraints, strict=True):
             if constraint.fixed.shape != (space.size,):
                 raise InputError("fixed", f"array of shape {constraint.fixed.shape}", f"({space.size},)")
+        pairs = list(pairwise(spaces))
+        for coarse, fine in pairs:
+            check_refinement(coarse, fine)
         self._spaces, self._constraints = list(spaces), list(constraints)
         self._frames = [c.frames(s.N) for s, c in zip(spaces, constraints, strict=True)]
         self._projections = [c.projections(s.N) for s, c in zip(spaces, constraints, strict=True)]
-        pairs = list(pairwise(spaces))
         self._tables = [velocity_transfer(coarse) for coarse, _ in pairs]
         self._pressures = [pressure_transfer(coarse, fine) for coarse, fine in pairs]
         self._patterns = [CellPattern(space.cell_unknowns, space.size) for space in spaces[:-1]]

@@ -30,6 +30,8 @@ Vector = NDArray[np.float64]
 MOST_DRAWN = 60_000
 """Nodes up to which all of them are vertices of the stored mesh; of finer meshes only the corners of cells are."""
 
+MOST_DIRECT = 50_000
+"""Unknowns up to which the direct solver is the faster one (benchmarks/bench_couette.py)."""
 LINE_POINTS = 401
 LEAST = 1e-12
 """Smallest value of a field over its greatest that is told apart from it."""
@@ -247,11 +249,19 @@ class FluidModel:
         before = state.before if state.step > 0 else None
         return backward_difference(self.parameters.time.scheme, dt, state.solution.velocity, before)
 
+    @property
+    def linear_solver(self) -> str:
+        """ "direct" or "multigrid"."""
+        chosen = str(self.parameters.solver.linear_solver)
+        if chosen != "auto":
+            return chosen
+        many = self.space.mesh.quadrilateral and self.space.size > MOST_DIRECT
+        return "multigrid" if many else "direct"
+
     @cached_property
     def spaces(self) -> list[QuadraticSpace]:
         """Coarse to fine, the last one that of the flow; that one only where nothing needs the others."""
-        solver = self.parameters.solver
-        if solver.linear_solver == "direct" and not (self.parameters.steady and self.parameters.nested):
+        if self.linear_solver == "direct" and not (self.parameters.steady and self.parameters.nested):
             return [self.space]
         coarser = [QuadraticSpace(mesh, self.space.pressure_name) for mesh in self.meshes[:-1]]
         return [*coarser, self.space]
@@ -266,12 +276,13 @@ class FluidModel:
             relative=first,
             strategy=solver.strategy,
             delta0=solver.delta0,
+            halvings=solver.halvings,
         )
         # A solver orders its matrices by the first it sees: a resumed run must show it the same one, so each step has its own.
         return solve(
             self.flow,
             options,
-            solver.linear_solver,
+            self.linear_solver,
             self.spaces,
             nested=inertia is None and self.parameters.nested,
             start=None if first else solution.state,

@@ -56,19 +56,24 @@ class FluidSolverGroup(Group):
     delta0: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
         default=0.2, description="first weight of the Newton part of adaptive-newton"
     )
+    halvings: Annotated[int, Field(ge=0, le=20)] | None = Field(
+        default=None,
+        description="how often a step is halved while the residual grows; by default 6 for damped-newton, 3 for adaptive-newton, else 0",
+    )
     start: Literal["auto", "nested", "rest"] = Field(
         default="auto",
         description="of the steady flow: that on the next coarser mesh, and so on, or rest; auto: nested on quadrilaterals",
     )
     tolerance: Share = Field(default=1e-8, description="residual of a solution over that of the flow at rest")
     max_iterations: Count = Field(default=200, description="most nonlinear iterations of a solution or step")
-    linear_solver: Literal["direct", "multigrid"] = Field(
-        default="direct", description="solver of linear systems"
+    linear_solver: Literal["auto", "direct", "multigrid"] = Field(
+        default="auto",
+        description="solver of linear systems; auto: multigrid for many unknowns on quadrilaterals",
     )
     gain: Share = Field(default=0.1, description="factor by which multigrid lowers the residual of a system")
     max_cycles: Count = Field(default=10, description="most multigrid cycles for a system")
     smoothing: Count = Field(
-        default=4, description="smoothing steps of multigrid before and after each correction"
+        default=8, description="smoothing steps of multigrid before and after each correction"
     )
 
 
@@ -77,6 +82,9 @@ class GranularFluidSolverGroup(FluidSolverGroup):
 
     strategy: Literal["f1", "f2", "f3", "phase1", "phase2", "phase2-slow", "phase3"] = Field(
         default="f3", description="how adaptive-newton changes its weight"
+    )
+    delta0: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=0.5, description="first weight of the Newton part of adaptive-newton"
     )
 
 

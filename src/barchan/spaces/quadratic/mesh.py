@@ -116,7 +116,9 @@ class QuadraticMesh:
         skeleton = kind(np.ascontiguousarray(self.nodes.T), np.ascontiguousarray(corners.T.astype(np.int64)))
         skeleton = kind(skeleton.doflocs, skeleton.t, _boundaries=self._child_parts(skeleton))
         fine = QuadraticMesh(skeleton, np.zeros((0, 2)), self.curves)
-        return _snapped(QuadraticMesh(skeleton, self._child_nodes(fine.cell_nodes), self.curves))
+        return _snapped(
+            QuadraticMesh(skeleton, self._child_nodes(fine.cell_nodes), self.curves), halving=True
+        )
 
     def _child_parts(self, skeleton: Any) -> dict[str, np.ndarray]:
         """The facets of the refined skeleton on each part."""
@@ -183,15 +185,28 @@ class QuadraticMesh:
         skeleton = skfem.MeshTri(skeleton.doflocs, skeleton.t, _boundaries=parts)
         nodes = np.concatenate([skeleton.p.T, np.mean(skeleton.p[:, skeleton.facets], axis=1).T])
         nodes[skeleton.p.shape[1] + kept] = self.nodes[vertices : vertices + old.shape[1]]
+        # The new sides follow the map of the triangle they cut: its parts are then as sound as it is.
+        for a, corner in enumerate(_REFERENCE[6][:3]):
+            middle = self.shapes.values(0.5 * (corner[:, None] + place))[:, 0]
+            side = order[np.searchsorted(keys, t[a].astype(np.int64) * total + numbers, sorter=order)]
+            nodes[skeleton.p.shape[1] + side] = np.einsum("i,cid->cd", middle, self.nodes[self.cell_nodes])
         return QuadraticMesh(skeleton, nodes, self.curves)
 
 
-def _snapped(mesh: QuadraticMesh) -> QuadraticMesh:
-    """The mesh with the nodes of its curved parts on their curves."""
+def _snapped(mesh: QuadraticMesh, halving: bool = False) -> QuadraticMesh:
+    """The mesh with the nodes of its curved parts on their curves.
+
+    halving : middles of curved sides go to the middles of their arcs; normals at the nodes then converge with order three,
+        where a middle off the middle leaves them with order one or two.
+    """
     for name, curve in mesh.curves.items():
         on = mesh.part_nodes(name)
         mesh.nodes[on] = curve(mesh.nodes[on])
-        # A new array of points, never the vertices of the coarser mesh.
+        if halving:
+            facets = np.asarray(mesh.boundaries[name])
+            chords = np.mean(mesh.nodes[mesh.skeleton.facets[:, facets]], axis=0)
+            mesh.nodes[mesh.skeleton.p.shape[1] + facets] = curve(chords)
+    # A new array of points, never the vertices of the coarser mesh.
     points = mesh.nodes[: mesh.skeleton.p.shape[1]].T
     kind = skfem.MeshQuad if mesh.quadrilateral else skfem.MeshTri
     skeleton = kind(np.ascontiguousarray(points), mesh.skeleton.t, _boundaries=mesh.skeleton._boundaries)

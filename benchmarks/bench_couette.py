@@ -1,0 +1,79 @@
+"""The Couette device of seed C (Table 14) solved level by level: nonlinear steps, multigrid cycles, seconds a step, memory.
+
+Every level starts from the solution of the one before and meets 1e-8 of the residual at rest. The peer is the sparse direct
+solver in the same loop, on the levels where it still fits. Times are of the level alone, set-up included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+from time import perf_counter
+
+import numpy as np
+
+from _table import print_table
+from barchan.flows.quasi_newtonian import (
+    DirectSolver,
+    ModifiedPoliquen,
+    MultigridSolver,
+    NonlinearOptions,
+    NoSlip,
+    QuasiNewtonianFlow,
+    Velocity,
+    solve_flow,
+)
+from barchan.flows.quasi_newtonian.nested import prolonged
+from barchan.spaces.meshes import annulus
+from barchan.spaces.quadratic import QuadraticSpace
+
+HEADS = (
+    "level", "unknowns", "steps", "cycles a step", "s", "s a step", "over last level", "direct / multigrid", "GiB", "met",
+)  # fmt: skip
+INNER, OUTER, SPEED = 0.019, 0.024, 0.019886667
+
+
+def turning(x: np.ndarray) -> np.ndarray:
+    """Rigid rotation with the speed of the inner wall."""
+    return SPEED / INNER * np.stack([-x[:, 1], x[:, 0]], axis=1)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--finest", type=int, default=6, help="level to stop at (7: 1.45 million unknowns, about 4 GiB)"
+    )
+    parser.add_argument("--direct", type=int, default=5, help="last level that the direct solver solves, too")
+    parser.add_argument("--eps", type=float, default=1e-2, help="regularisation (1/s)")
+    options = parser.parse_args()
+    model = ModifiedPoliquen(0.15, 0.27, 0.06, 0.001, 1.0, 0.99133, eps=options.eps)
+    spaces, start, rows, before = [QuadraticSpace(annulus(1, INNER, OUTER))], None, [], None
+    for level in range(1, options.finest + 1):
+        if level > 1:
+            spaces.append(QuadraticSpace(spaces[-1].mesh.refined()))
+            start = prolonged(start, spaces[-2], spaces[-1])
+        flow = QuasiNewtonianFlow(spaces[-1], model, {"inner": Velocity(turning), "outer": NoSlip()})
+        direct = None
+        if level <= options.direct:
+            began = perf_counter()
+            found = solve_flow(flow, DirectSolver(flow), NonlinearOptions(), start)
+            direct = (perf_counter() - began) / max(found.iterations, 1)
+        began = perf_counter()
+        linear = DirectSolver(flow) if level == 1 else MultigridSolver(flow, spaces)
+        found = solve_flow(flow, linear, NonlinearOptions(), start)
+        spent = perf_counter() - began
+        start = found.state
+        step = spent / max(found.iterations, 1)
+        rows.append((
+            level, flow.space.size, found.iterations, f"{np.mean(found.cycles):.2f}", f"{spent:.1f}", f"{step:.3f}",
+            "-" if before is None else f"{step / before:.2f}", "-" if direct is None else f"{direct / step:.2f}",
+            f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f}", str(found.converged),
+        ))  # fmt: skip
+        before = step
+        sys.stderr.write(f"level {level}: {found.iterations} steps, {spent:.1f} s\n")
+    print_table(f"Couette, eps = {options.eps:g}", HEADS, rows)
+
+
+if __name__ == "__main__":
+    main()
