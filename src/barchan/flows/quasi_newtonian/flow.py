@@ -22,6 +22,7 @@ from barchan.spaces.mixed import sampled
 from barchan.spaces.quadratic import QuadraticSpace
 
 NET_FLUX = 1e-6
+ROUNDING = 4e-16
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,6 +255,20 @@ class QuasiNewtonianFlow:
         self, fields: Fields, velocity: np.ndarray, inertia: Inertia | None = None, loaded: bool = True
     ) -> np.ndarray:
         """(size,) residual of the weak form, unconstrained: internal less external forces, and -q div u."""
+        total = self._summed(self._element_vectors(fields, velocity, inertia))
+        return total - self.load if loaded else total
+
+    def rounding(self, fields: Fields, velocity: np.ndarray, inertia: Inertia | None = None) -> float:
+        """What rounding may leave of the norm of a residual that vanishes."""
+        sizes = self._summed(np.abs(self._element_vectors(fields, velocity, inertia)))
+        return ROUNDING * float(np.linalg.norm(sizes))
+
+    def _summed(self, vectors: np.ndarray) -> np.ndarray:
+        """(size,) sum of element vectors."""
+        return np.bincount(self.space.cell_unknowns.ravel(), vectors.ravel(), minlength=self.space.size)
+
+    def _element_vectors(self, fields: Fields, velocity: np.ndarray, inertia: Inertia | None) -> np.ndarray:
+        """(C, n) element vectors of the internal forces."""
         space = self.space
         force = np.zeros_like(fields.velocity)
         u, slopes = fields.velocity, fields.slopes
@@ -271,8 +286,7 @@ class QuasiNewtonianFlow:
         for cells, matrices in self.frictions:
             local = velocity[space.cell_nodes[cells]].reshape(len(cells), -1)
             np.add.at(vectors[:, : local.shape[1]], cells, np.einsum("fij,fj->fi", matrices, local))
-        total = np.bincount(space.cell_unknowns.ravel(), vectors.ravel(), minlength=space.size)
-        return total - self.load if loaded else total
+        return vectors
 
     def jacobian(
         self, fields: Fields, weights: Weights = Weights(), direction: np.ndarray | None = None,

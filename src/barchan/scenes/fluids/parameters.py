@@ -58,7 +58,8 @@ class FluidSolverGroup(Group):
     )
     halvings: Annotated[int, Field(ge=0, le=20)] | None = Field(
         default=None,
-        description="how often a step is halved while the residual grows; by default 6 for damped-newton, 3 for adaptive-newton, else 0",
+        description="how often a step is halved while the residual grows; by default 6 for damped-newton, "
+        "3 for adaptive-newton, else 0",
     )
     start: Literal["auto", "nested", "rest"] = Field(
         default="auto",
