@@ -1,7 +1,7 @@
 """Adaptive Newton method for a Bingham flow past a cylinder, phases 1-4 (seed C, 4.3: Tables 1-4, Fig. 10-14).
 
-Level 2, eta0 = 1e-3, eps = 0.01 (1e-4 is added to |g|^2), from rest, until the Euclidean norm of the residual is below 1e-12. Steps are whole
-as in seed C, but for one table.
+Level 2, eta0 = 1e-3, eps = 0.01 (1e-4 is added to |g|^2), from rest, until the Euclidean norm of the residual is below 1e-12.
+Steps are whole as in seed C, but for one table.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Why seed C replaced its strategy f1: stagnation, an endless loop, and f3, in the Couette flow (8.1; Fig. 31-34).
 
-Modified Poliquen viscosity, from rest; f1, f2, f3 and the stress-velocity method on levels 2 and 3 with two regularisations. Steps
-are whole, as in seed C.
+Modified Poliquen viscosity, from rest; f1, f2, f3 and the stress-velocity method on levels 2 and 3 with two regularisations.
+Steps are whole, as in seed C.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ DELTA0 = 0.2
 MOST, QUICK_MOST = 1500, 120
 LONGEST_PERIOD, REPEATED = 12, 1e-6
 """A residual repeats when it comes back within REPEATED, over a whole period, at the end of an iteration."""
-SLOW = 0.95
-"""An iteration stagnates where most of its Q_n are above this."""
+SLOW, LONG = 0.95, 100
+"""An iteration stagnates where most of its more than LONG steps have Q_n above SLOW."""
 
 SAID = {
     ("f1", 2, "1e-3"): "stagnates, 918 steps",
@@ -73,7 +73,7 @@ def _wanted(method: str, level: int, eps: str, most: int) -> Wanted:
 def outcome(history: History) -> str:
     """What became of an iteration: converged, in a loop, stagnating or none of these."""
     if history.converged:
-        slow = history.iterations > 0 and float(np.median(history.changes)) > SLOW
+        slow = history.iterations > LONG and float(np.median(history.changes)) > SLOW
         return f"stagnates, {history.iterations} steps" if slow else f"{history.iterations} steps"
     period = loop_length(history.residuals)
     if period is not None:
