@@ -29,7 +29,8 @@ from barchan.spaces.meshes import annulus
 from barchan.spaces.quadratic import QuadraticSpace
 
 HEADS = (
-    "level", "unknowns", "steps", "cycles a step", "set-up s", "s", "s a step", "over last level", "direct / multigrid", "GiB", "met",
+    "level", "unknowns", "steps", "cycles a step", "set-up s", "s", "s a step", "over last level",
+    "direct / multigrid", "GiB", "met",
 )  # fmt: skip
 INNER, OUTER, SPEED = 0.019, 0.024, 0.019886667
 
@@ -49,7 +50,7 @@ def main() -> None:
     parser.add_argument(
         "--f3",
         action="store_true",
-        help="the adaptive Newton method of seed C with f3, delta_0 = 0.5, instead of ours",
+        help="adaptive Newton with f3 and delta_0 = 0.5 instead of ours",
     )
     options = parser.parse_args()
     nonlinear = (
@@ -75,7 +76,8 @@ def main() -> None:
         start = found.state
         step = spent / max(found.iterations, 1)
         rows.append((
-            level, flow.space.size, found.iterations, f"{np.mean(found.cycles):.2f}", f"{made:.1f}", f"{spent:.1f}", f"{step:.3f}",
+            level, flow.space.size, found.iterations, f"{np.mean(found.cycles):.2f}",
+            f"{made:.1f}", f"{spent:.1f}", f"{step:.3f}",
             "-" if before is None else f"{step / before:.2f}", "-" if direct is None else f"{direct / step:.2f}",
             f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20:.2f}", str(found.converged),
         ))  # fmt: skip

@@ -366,7 +366,9 @@ def test_the_examples_of_the_page_run_as_they_stand():
 def test_a_flow_that_rests_is_solved_at_once() -> None:
     """Rest under a mean pressure is the solution: what rounding leaves of its residual is not iterated on."""
     space = QuadraticSpace(annulus(2, 1.0, 2.0))
-    flow = QuasiNewtonianFlow(space, Newtonian(1.0), {"inner": NoSlip(), "outer": NoSlip()}, mean_pressure=1e5)
+    flow = QuasiNewtonianFlow(
+        space, Newtonian(1.0), {"inner": NoSlip(), "outer": NoSlip()}, mean_pressure=1e5
+    )
     solution = solve_flow(flow, DirectSolver(flow), NonlinearOptions())
     assert solution.converged and solution.iterations <= 1
     assert np.max(np.abs(solution.velocity)) < 1e-9

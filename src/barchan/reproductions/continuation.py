@@ -1,6 +1,7 @@
 """Bingham flow past a cylinder for growing yield stress: fixed point, damped Newton, constant weights, continuation.
 
-Seed C, 5.3: Tables 10-13. eta0 = 1e-3, eps = 0.01 (1e-4 is added to |g|^2), until the residual's norm is below 1e-8.
+Seed C, 5.3: Tables 10-13. eta0 = 1e-3, eps = 0.01, until the residual's norm is below 1e-8. The counts say that eps^2 was added
+to |g|^2; the last variant of Tables 12 and 13 adds eps itself, as seed C writes for this flow (ERRATA 6).
 """
 
 from __future__ import annotations
@@ -31,11 +32,12 @@ QUICK_SIMPLE_TAUS = ("1e-4", "1e-3")
 DAMPING = {"1e-4": 1.0, "1e-3": 0.2, "1e-2": 0.1}
 """Seed C gives 0.1 at tau_0 = 1e-2; counts of 99 and 210 steps follow from one start if the damping at 1e-3 was 0.2."""
 DELTAS = ("0.1", "0.25", "0.5", "0.6")
-CONTINUATION_DELTA = {"eps": 0.0, "tau0": 0.2}
+CONTINUATION_DELTA = {"eps": 0.0, "tau0": 0.3}
 """delta_0 of every solve of Table 13. Seed C gives none; its first entries in eps are those of Table 12 for 0, with which
 ours along the yield stress take five iterations more than the published ones."""
-STEPS = {"whole": 0, "halved": None}
-"""Steps of the adaptive method: as in seed C, and halved where the residual grows, our default."""
+STEPS = {"whole": 0, "halved": None, "itself": None}
+"""Steps of the adaptive method: as in seed C; halved where the residual grows, our default; so and with eps added itself."""
+WORDS = {"whole": "whole steps", "halved": "halved steps", "itself": "halved steps, eps itself added"}
 MOST = 400
 
 Found = dict[tuple[Any, ...], tuple[str, History]]
@@ -53,7 +55,12 @@ def reproduce(workshop: Workshop) -> Report:
         continued, continued_tables = _continued(workshop, steps)
         adaptive.update({**started, **continued})
         tables += [started_table, *continued_tables]
-    rest = [(f"eps = {eps}", *(own[eps, tau].count for tau in TAUS)) for eps in _epsilons(workshop)]
+    rest = [
+        (f"{sign} = {eps}", *(own[key, tau].count for tau in TAUS))
+        for sign, steps in (("eps", ""), ("eps^2", "itself"))
+        for eps in _epsilons(workshop)
+        for key in (eps + steps,)
+    ]
     tables.append(Table("stress-velocity, each flow from rest", ("", *COLUMNS), rest))
     found: Found = {**simple, **constant, **adaptive}
     columns = ("table", "row", "level", "tau0", "published", "ours", "converged", "residual")
@@ -79,8 +86,8 @@ def _options(**given: Any) -> NonlinearOptions:
     return NonlinearOptions(**{"tolerance": 1e-8, "relative": False, "max_iterations": MOST, **given})
 
 
-def _fluid(tau: str, eps: str = EPS) -> Bingham:
-    return Bingham(ETA, float(tau), float(eps))
+def _fluid(tau: str, eps: str = EPS, steps: str = "") -> Bingham:
+    return Bingham(ETA, float(tau), float(eps) ** (0.5 if steps == "itself" else 1.0))
 
 
 def _wanted(label: str, level: int, fluids: tuple[Bingham, ...], **options: Any) -> Wanted:
@@ -166,11 +173,12 @@ def _constant(workshop: Workshop) -> tuple[Found, list[Table]]:
 
 
 def _own(workshop: Workshop) -> dict[tuple[str, str], History]:
-    """The stress-velocity method from rest, by eps and yield stress."""
-    keys = [(eps, tau) for eps in _epsilons(workshop) for tau in TAUS]
+    """The stress-velocity method from rest, by eps (with "itself" appended where eps itself is added) and yield stress."""
+    cases = [(eps, tau, steps) for eps in _epsilons(workshop) for tau in TAUS for steps in ("", "itself")]
+    keys = [(eps + steps, tau) for eps, tau, steps in cases]
     wanted = [
-        _wanted(f"stress-velocity-eps{eps}-tau{tau}", ADAPTIVE_LEVEL, (_fluid(tau, eps),))
-        for eps, tau in keys
+        _wanted(f"stress-velocity-eps{eps}{steps}-tau{tau}", ADAPTIVE_LEVEL, (_fluid(tau, eps, steps),))
+        for eps, tau, steps in cases
     ]
     return {key: found[0] for key, found in zip(keys, solve_all(workshop, wanted), strict=True)}
 
@@ -196,7 +204,8 @@ def _started(workshop: Workshop, own: dict[tuple[str, str], History], steps: str
     theirs = {row["delta0"]: row for row in published("adaptive_start")}
     keys = [(delta, tau) for delta in theirs for tau in TAUS]
     wanted = [
-        _adaptive(f"adaptive-{delta}-tau{tau}", steps, (_fluid(tau),), float(delta)) for delta, tau in keys
+        _adaptive(f"adaptive-{delta}-tau{tau}", steps, (_fluid(tau, EPS, steps),), float(delta))
+        for delta, tau in keys
     ]
     ours = {key: found[0] for key, found in zip(keys, solve_all(workshop, wanted), strict=True)}
     rows = [
@@ -207,12 +216,13 @@ def _started(workshop: Workshop, own: dict[tuple[str, str], History], steps: str
         )
         for delta in theirs
     ]
-    rows.append(("stress-velocity", [""] * len(TAUS), [own[EPS, tau].count for tau in TAUS]))
+    key = EPS + ("itself" if steps == "itself" else "")
+    rows.append(("stress-velocity", [""] * len(TAUS), [own[key, tau].count for tau in TAUS]))
     found = {
         (f"12 {steps}", f"delta_0 {delta}", ADAPTIVE_LEVEL, tau): (theirs[delta][tau], history)
         for (delta, tau), history in ours.items()
     }
-    title = f"Table 12: nonlinear iterations of the adaptive Newton method (f1) from rest, eps = 0.01, {steps} steps"
+    title = f"Table 12: nonlinear iterations of the adaptive Newton method (f1) from rest, eps = 0.01, {WORDS[steps]}"
     return found, beside(title, "start", COLUMNS, rows)
 
 
@@ -224,14 +234,17 @@ def _continued(workshop: Workshop, steps: str) -> tuple[Found, list[Table]]:
         _adaptive(
             f"along-eps-tau{tau}",
             steps,
-            tuple(_fluid(tau, eps) for eps in epsilons),
+            tuple(_fluid(tau, eps, steps) for eps in epsilons),
             CONTINUATION_DELTA["eps"],
         )
         for tau in TAUS
     ]
     by_tau = [
         _adaptive(
-            f"along-tau-eps{eps}", steps, tuple(_fluid(tau, eps) for tau in TAUS), CONTINUATION_DELTA["tau0"]
+            f"along-tau-eps{eps}",
+            steps,
+            tuple(_fluid(tau, eps, steps) for tau in TAUS),
+            CONTINUATION_DELTA["tau0"],
         )
         for eps in epsilons
     ]
@@ -257,7 +270,7 @@ def _continued(workshop: Workshop, steps: str) -> tuple[Found, list[Table]]:
         ]
         tables.append(
             beside(
-                f"Table 13: nonlinear iterations, continuation in {words}, {steps} steps", "", COLUMNS, rows
+                f"Table 13: nonlinear iterations, continuation in {words}, {WORDS[steps]}", "", COLUMNS, rows
             )
         )
     return found, tables

@@ -24,7 +24,7 @@ FINEST = 7
 GAINS = ("1e-1", "1e-2", "1e-3", "1e-4")
 EPSILONS = ("1e-2", "1e-3")
 METHODS: dict[str, dict[str, Any]] = {
-    "f3": {"method": "adaptive-newton", "strategy": "f3"},
+    "f3": {"method": "adaptive-newton", "strategy": "f3", "delta0": 0.5},
     "stress-velocity": {"method": "stress-velocity"},
 }
 MOST = 200
