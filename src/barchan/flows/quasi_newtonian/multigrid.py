@@ -177,7 +177,7 @@ class GeometricMultigrid:
     def solve(
         self,
         rhs: np.ndarray,
-        gain: float = 0.15,
+        gain: float = 0.25,
         max_cycles: int = 10,
         krylov: bool = True,
         weighted: bool = True,
@@ -222,7 +222,7 @@ class MultigridSolver:
         self,
         flow: QuasiNewtonianFlow,
         spaces: Sequence[QuadraticSpace],
-        gain: float = 0.15,
+        gain: float = 0.25,
         max_cycles: int = 10,
         options: CycleOptions | None = None,
         precision: str = "single",

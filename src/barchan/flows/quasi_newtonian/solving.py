@@ -30,7 +30,7 @@ def solve(
     nested: bool = False,
     start: Start | None = None,
     inertia: Inertia | None = None,
-    gain: float = 0.15,
+    gain: float = 0.25,
     max_cycles: int = 10,
     cycle: CycleOptions | None = None,
 ) -> FlowSolution:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,8 +47,8 @@ def continuum_kind(name: str, parameters: Any, model: Callable[[Any], ContinuumM
 
     def figures(summary: dict[str, Any]) -> list[tuple[str, str]]:
         return [
-            *((words, _figure(summary[key])) for key, words in shown.figures),
-            ("greatest speed", _figure(summary["max_speed"])),
+            *((words, figure_text(summary[key])) for key, words in shown.figures),
+            ("greatest speed", figure_text(summary["max_speed"])),
             ("ended", f"{summary['ended']}, t = {summary['end_time']:.4g}"),
         ]
 
@@ -70,8 +70,15 @@ def summarise(parameters: Any, results: Results) -> dict[str, Any]:
         "ended": "steady" if steady else "time limit",
         "vertices": len(mesh["positions"]),
         "cells": len(mesh["cells"]),
+        **solved(steps, parameters.solver.tolerance),
+    }
+
+
+def solved(steps: Mapping[str, np.ndarray], tolerance: float) -> dict[str, Any]:
+    """What a summary says about the solves of a run."""
+    return {
         "worst_certificate": float(steps["residual"].max()),
-        "tolerance": parameters.solver.tolerance,
+        "tolerance": tolerance,
         "converged": bool(np.all(steps["converged"])),
         "unconverged_steps": int(np.sum(~steps["converged"].astype(bool))),
         "steps": len(steps["time"]),
@@ -79,7 +86,7 @@ def summarise(parameters: Any, results: Results) -> dict[str, Any]:
     }
 
 
-def _figure(value: float | None) -> str:
+def figure_text(value: float | None) -> str:
     return "none" if value is None else f"{value:.6g}"
 
 
@@ -104,20 +111,28 @@ def _draw(scene: Any, results: Results, folder: Path, shown: Shown) -> None:
             mirror=shown.mirror,
             units=DIMENSIONLESS if scene.scene.dimensionless else SI,
         )
-    for name, curve in shown.curves:
-        lines = results.lines(-1)
-        drawn = {words: lines[key] for key, words in curve.drawn if key in lines}
-        draw_lines(
-            folder / f"{name}.png",
-            lines[curve.abscissa],
-            drawn,
-            (curve.along, curve.values),
-            title=title,
-            upright=curve.upright,
-        )
+    draw_curves(folder, shown.curves, results.lines(-1) if shown.curves else {}, title)
     if results.frames > 2:
         steps = results.steps
         draw_lines(
             folder / "history.png", steps["time"], {"every step": steps["watched"]}, ("time", "what is watched"),
             title=title,
         )  # fmt: skip
+
+
+def draw_curves(
+    folder: Path, curves: Sequence[tuple[str, Curve]], lines: Mapping[str, np.ndarray], title: str
+) -> None:
+    """One picture for each curve, of what `lines` holds of it."""
+    from barchan.results.lines import draw_lines
+
+    for name, curve in curves:
+        draw_lines(
+            folder / f"{name}.png",
+            lines[curve.abscissa],
+            {words: lines[key] for key, words in curve.drawn if key in lines},
+            (curve.along, curve.values),
+            title=title,
+            upright=curve.upright,
+            logarithmic=curve.logarithmic,
+        )

@@ -71,7 +71,7 @@ class FluidSolverGroup(Group):
         default="auto",
         description="solver of linear systems; auto: multigrid for many unknowns on quadrilaterals",
     )
-    gain: Share = Field(default=0.15, description="factor by which multigrid lowers the residual of a system")
+    gain: Share = Field(default=0.25, description="factor by which multigrid lowers the residual of a system")
     max_cycles: Count = Field(default=10, description="most multigrid cycles for a system")
     smoothing: Count = Field(
         default=8, description="smoothing steps of multigrid before and after each correction"

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from barchan.results import Results
-from barchan.scenes.continuum.report import Curve
+from barchan.scenes.continuum.report import Curve, draw_curves, figure_text, solved
 from barchan.scenes.fluids.model import FluidModel
 from barchan.scenes.kinds.kind import Kind
 
@@ -39,8 +39,8 @@ def fluid_kind(name: str, parameters: Any, model: Callable[[Any], FluidModel], s
             else ""
         )
         return [
-            *((words, _figure(summary[key])) for key, words in shown.figures),
-            ("greatest speed", _figure(summary["max_speed"])),
+            *((words, figure_text(summary[key])) for key, words in shown.figures),
+            ("greatest speed", figure_text(summary["max_speed"])),
             ("unknowns, cells", f"{summary['unknowns']}, {summary['cells']}"),
             ("nonlinear iterations", f"{summary['nonlinear_iterations']:.0f}{cycles}"),
         ]
@@ -62,17 +62,8 @@ def summarise(parameters: Any, results: Results) -> dict[str, Any]:
         "ended": "steady" if parameters.steady else "time limit",
         "unknowns": unknowns,
         "cells": parameters.cells,
-        "worst_certificate": float(steps["residual"].max()),
-        "tolerance": parameters.solver.tolerance,
-        "converged": bool(np.all(steps["converged"])),
-        "unconverged_steps": int(np.sum(~steps["converged"].astype(bool))),
-        "steps": len(steps["time"]),
-        "sweeps": int(steps["sweeps"].sum()),
+        **solved(steps, parameters.solver.tolerance),
     }
-
-
-def _figure(value: float | None) -> str:
-    return "none" if value is None else f"{value:.6g}"
 
 
 def _draw(scene: Any, results: Results, folder: Path, shown: FluidShown) -> None:
@@ -96,17 +87,7 @@ def _draw(scene: Any, results: Results, folder: Path, shown: FluidShown) -> None
         title=title,
         units=shown.units or SI,
     )
-    for name, curve in shown.curves:
-        drawn = {words: lines[key] for key, words in curve.drawn if key in lines}
-        draw_lines(
-            folder / f"{name}.png",
-            lines[curve.abscissa],
-            drawn,
-            (curve.along, curve.values),
-            title=title,
-            upright=curve.upright,
-            logarithmic=curve.logarithmic,
-        )
+    draw_curves(folder, shown.curves, lines, title)
     draw_lines(
         folder / "residuals.png",
         np.arange(len(lines["residuals"])),

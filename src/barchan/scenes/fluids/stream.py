@@ -10,12 +10,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import spsolve
 
+from barchan.spaces.extrema import greatest
 from barchan.spaces.quadratic import QuadraticSpace
 
 Vector = NDArray[np.float64]
-
-NEAR = 9
-"""Nodes through which the parabola around the vortex goes."""
 
 
 def stream_function(space: QuadraticSpace, velocity: Vector) -> Vector:
@@ -40,18 +38,4 @@ def stream_function(space: QuadraticSpace, velocity: Vector) -> Vector:
 
 def vortex(space: QuadraticSpace, velocity: Vector) -> tuple[tuple[float, float], float]:
     """Place and value of the largest |psi|, by a parabola through the nodes around it."""
-    psi, places = stream_function(space, velocity), space.mesh.nodes
-    best = int(np.argmax(np.abs(psi)))
-    near = np.argsort(np.sum((places - places[best]) ** 2, axis=1))[:NEAR]
-    x, y = (places[near] - places[best]).T
-    columns = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-    c = np.linalg.lstsq(columns, psi[near], rcond=None)[0]
-    curvature = np.array([[2.0 * c[3], c[4]], [c[4], 2.0 * c[5]]])
-    shift = np.zeros(2)
-    if abs(np.linalg.det(curvature)) > 1e-12 * max(abs(psi[best]), 1e-300):
-        shift = np.linalg.solve(curvature, -c[1:3])
-    if np.linalg.norm(shift) > float(np.sqrt(x * x + y * y).max()):  # a flat top: the parabola says nothing
-        shift = np.zeros(2)
-    place = places[best] + shift
-    value = c[0] + c[1:3] @ shift + 0.5 * shift @ curvature @ shift
-    return (float(place[0]), float(place[1])), float(value)
+    return greatest(space.mesh.nodes, stream_function(space, velocity))

@@ -25,6 +25,7 @@ from barchan.scenes.continuum import (
     continuum_kind,
 )
 from barchan.scenes.parameters import Group, NotNegative
+from barchan.spaces.extrema import greatest
 from barchan.spaces.meshes import rectangle
 from barchan.spaces.mixed import MixedSpace
 
@@ -131,22 +132,14 @@ class CavityModel(ContinuumModel):
         vertices = self.space.mesh.p.T
         psi = observables.stream_function(self.flow, state)
         psi = psi - psi[int(np.argmin(vertices.sum(axis=1)))]
-        best = int(np.argmax(np.abs(psi)))
-        near = np.argsort(np.sum((vertices - vertices[best]) ** 2, axis=1))[:9]
-        x, y = (vertices[near] - vertices[best]).T
-        columns = np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y])
-        c = np.linalg.lstsq(columns, psi[near], rcond=None)[0]
-        curvature = np.array([[2.0 * c[3], c[4]], [c[4], 2.0 * c[5]]])
-        if abs(np.linalg.det(curvature)) < 1e-12 * max(abs(psi[best]), 1e-300):
-            return (float(vertices[best, 0]), float(vertices[best, 1])), float(psi[best])
-        shift = np.linalg.solve(curvature, -c[1:3])
-        reach = float(np.sqrt(x * x + y * y).max())
-        if np.linalg.norm(shift) > reach:  # a flat top: the parabola says nothing
-            shift = np.zeros(2)
-        place = vertices[best] + shift
-        value = c[0] + c[1:3] @ shift + 0.5 * shift @ curvature @ shift
-        return (float(place[0]), float(place[1])), float(value)
+        return greatest(vertices, psi)
 
+
+CENTRELINE = (
+    "centreline",
+    Curve("centreline_y", "y / L", (("centreline_ux", "u_x on x = L/2"),), "velocity / V", upright=True),
+)
+"""The picture of the velocity on the middle line of a cavity."""
 
 KIND = continuum_kind(
     "cavity",
@@ -159,17 +152,6 @@ KIND = continuum_kind(
             ("centreline_min", "slowest u_x on x = 1/2"),
             ("plug_area", "area that does not yield"),
         ),
-        curves=(
-            (
-                "centreline",
-                Curve(
-                    "centreline_y",
-                    "y / L",
-                    (("centreline_ux", "u_x on x = L/2"),),
-                    "velocity / V",
-                    upright=True,
-                ),
-            ),
-        ),
+        curves=(CENTRELINE,),
     ),
 )

@@ -19,7 +19,6 @@ from barchan.flows.quasi_newtonian.flow import QuasiNewtonianFlow
 from barchan.flows.quasi_newtonian.models import HerschelBulkley
 from barchan.flows.quasi_newtonian.newton import FlowSolution
 from barchan.results.fields import DIMENSIONLESS
-from barchan.scenes.continuum import Curve
 from barchan.scenes.fluids import (
     FluidElementsGroup,
     FluidModel,
@@ -32,6 +31,7 @@ from barchan.scenes.fluids import (
     rigid,
 )
 from barchan.scenes.fluids.stream import vortex
+from barchan.scenes.kinds.cavity import CENTRELINE
 from barchan.scenes.parameters import Group, NotNegative, Positive, SceneHeader
 from barchan.spaces.meshes import rectangle
 from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace
@@ -173,18 +173,7 @@ KIND = fluid_kind(
             ("centreline_min", "slowest u_x on x = 1/2"),
             ("plug_area", "area below the yield stress"),
         ),
-        curves=(
-            (
-                "centreline",
-                Curve(
-                    "centreline_y",
-                    "y / L",
-                    (("centreline_ux", "u_x on x = L/2"),),
-                    "velocity / V",
-                    upright=True,
-                ),
-            ),
-        ),
+        curves=(CENTRELINE,),
         units={
             **DIMENSIONLESS,
             "speed": "speed / V",
