@@ -372,3 +372,12 @@ def test_a_flow_that_rests_is_solved_at_once() -> None:
     solution = solve_flow(flow, DirectSolver(flow), NonlinearOptions())
     assert solution.converged and solution.iterations <= 1
     assert np.max(np.abs(solution.velocity)) < 1e-9
+
+
+def test_a_viscosity_that_vanishes_at_rest_is_refused_with_its_cure() -> None:
+    """A thickening power law has no viscosity where nothing shears: without eps the first system is singular."""
+    space = QuadraticSpace(annulus(1, 1.0, 2.0))
+    conditions = {"inner": Velocity(lambda x: np.stack([-x[:, 1], x[:, 0]], axis=1)), "outer": NoSlip()}
+    flow = QuasiNewtonianFlow(space, PowerLaw(1.0, 3.0), conditions, convection=False)
+    with pytest.raises(InputError, match="eps"):
+        solve_flow(flow, DirectSolver(flow), NonlinearOptions())

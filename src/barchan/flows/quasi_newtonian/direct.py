@@ -101,4 +101,8 @@ class DirectSolver:
 
 
 def _singular() -> InputError:
-    return InputError("conditions", "a singular system", "conditions on the boundary that determine the flow")
+    return InputError(
+        "conditions",
+        "a singular system",
+        "conditions on the boundary that determine the flow, with a viscosity that vanishes nowhere (eps > 0)",
+    )
