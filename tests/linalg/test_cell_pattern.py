@@ -69,14 +69,6 @@ def test_fixed_unknowns_have_rows_and_columns_of_the_identity():
     assert np.allclose(found, wanted, atol=1e-14)
 
 
-def test_gathered_vectors_are_the_transpose_of_taking_values_at_cells():
-    unknowns, _ = scattered(9, 4, 12)
-    pattern = CellPattern(unknowns, 12)
-    random = np.random.default_rng(1)
-    vectors, x = random.standard_normal((9, 4)), random.standard_normal(12)
-    assert pattern.gather(vectors) @ x == pytest.approx(np.sum(vectors * x[unknowns]), rel=1e-13)
-
-
 def test_assembly_gives_the_same_bytes_on_one_thread_and_two(bytes_by_threads):
     unknowns, elements = scattered(500, 9, 300)
     fixed = np.random.default_rng(2).random(300) < 0.1

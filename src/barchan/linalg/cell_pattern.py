@@ -70,7 +70,3 @@ class CellPattern:
         matrix = sp.csr_array((data, self.indices, self.indptr), shape=(self.size, self.size))
         matrix.has_canonical_format = True
         return matrix
-
-    def gather(self, vectors: np.ndarray) -> np.ndarray:
-        """(size,) sum of element vectors (C, n)."""
-        return np.bincount(self.cell_unknowns.ravel(), vectors.ravel(), minlength=self.size)

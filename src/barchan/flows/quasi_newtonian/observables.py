@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import trapezoid
 
 from barchan.errors import InputError
-from barchan.flows.quasi_newtonian.flow import Inertia, QuasiNewtonianFlow
+from barchan.flows.quasi_newtonian.flow import Inertia, QuasiNewtonianFlow, yield_stresses
 from barchan.flows.quasi_newtonian.sampling import (
     interpolate,
     interpolate_within,
@@ -217,20 +217,15 @@ def _linear(space: QuadraticSpace, X: np.ndarray) -> np.ndarray:
     return np.stack(functions, axis=1)
 
 
-def plug(flow: QuasiNewtonianFlow, solution: Solved, margin: float = PLUG_MARGIN) -> np.ndarray:
-    """(C,) mask of the rigid cells: |sigma| <= sqrt(2) tau_y (1 + margin) at all their quadrature points.
+def rigid_points(flow: QuasiNewtonianFlow, solution: Solved, margin: float = 0.0) -> np.ndarray:
+    """(C, Q) whether |sigma| <= sqrt(2) tau_y (1 + margin) at the quadrature points; nowhere without a yield stress."""
+    fields = flow.fields(solution.velocity, solution.pressure)
+    bound = yield_stresses(flow.model, fields.pressure)
+    return np.asarray((bound > 0.0) & (magnitude(fields.stress) <= np.sqrt(2.0) * bound * (1.0 + margin)))
 
-    No cell is rigid where the model has no yield stress, or where it vanishes. Raises InputError for a margin < 0.
-    """
+
+def plug(flow: QuasiNewtonianFlow, solution: Solved, margin: float = PLUG_MARGIN) -> np.ndarray:
+    """(C,) mask of the rigid cells: those whose quadrature points are all rigid. Raises InputError for a margin < 0."""
     if not (np.isfinite(margin) and margin >= 0.0):
         raise InputError("margin", margin, "a number >= 0")
-    space = flow.space
-    pressure = np.einsum("cqm,cm->cq", space.pressure_values, solution.pressure[space.cell_pressures])
-    bound = flow.model.yield_stress(pressure)
-    if bound is None:
-        return np.zeros(space.cells, dtype=bool)
-    stress = (
-        2.0 * flow.viscosity(solution.velocity, solution.pressure) * magnitude(flow.rates(solution.velocity))
-    )
-    rigid = (bound > 0.0) & (stress <= np.sqrt(2.0) * bound * (1.0 + margin))
-    return np.asarray(np.all(rigid, axis=1))
+    return np.asarray(np.all(rigid_points(flow, solution, margin), axis=1))

@@ -1,6 +1,6 @@
 """What the kinds of scenes of quasi-Newtonian flows share: tables of their files, the model that solves them, what is shown."""
 
-from barchan.scenes.fluids.model import FluidModel, FluidRecord, FluidState, max_speed, rigid
+from barchan.scenes.fluids.model import FluidModel, FluidRecord, FluidState, max_speed
 from barchan.scenes.fluids.parameters import (
     FluidElementsGroup,
     FluidParameters,
@@ -24,5 +24,4 @@ __all__ = [
     "Level",
     "fluid_kind",
     "max_speed",
-    "rigid",
 ]

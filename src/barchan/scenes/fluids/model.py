@@ -216,7 +216,7 @@ class FluidModel:
             "pressures": observables.nodal(self.space, at_points.pressure),
             "shear_rates": self._smooth(magnitude(at_points.rate)),
             "viscosities": self._smooth(at_points.viscosity),
-            "plug": observables.nodal(self.space, rigid(flow, solution).astype(float)),
+            "plug": observables.nodal(self.space, observables.rigid_points(flow, solution).astype(float)),
         }
         return {
             "velocities": solution.velocity[:count],
@@ -291,15 +291,6 @@ class FluidModel:
             max_cycles=solver.max_cycles,
             cycle=CycleOptions(pre=solver.smoothing, post=solver.smoothing),
         )
-
-
-def rigid(flow: QuasiNewtonianFlow, solution: FlowSolution) -> NDArray[np.bool_]:
-    """(C, Q) whether the stress at the quadrature points stays below the yield stress: |sigma| <= sqrt(2) tau_y."""
-    fields = flow.fields(solution.velocity, solution.pressure)
-    yields = flow.model.yield_stress(fields.pressure)
-    if yields is None:
-        return np.zeros(fields.s.shape, dtype=bool)
-    return np.asarray((yields > 0.0) & (magnitude(fields.stress) <= np.sqrt(2.0) * yields))
 
 
 def max_speed(solution: FlowSolution) -> float:

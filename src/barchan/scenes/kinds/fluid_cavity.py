@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from barchan.errors import InputError
+from barchan.flows.quasi_newtonian import observables
 from barchan.flows.quasi_newtonian.conditions import Condition, NoSlip, Velocity
 from barchan.flows.quasi_newtonian.flow import QuasiNewtonianFlow
 from barchan.flows.quasi_newtonian.models import HerschelBulkley
@@ -28,7 +29,6 @@ from barchan.scenes.fluids import (
     FluidState,
     FluidTimeGroup,
     fluid_kind,
-    rigid,
 )
 from barchan.scenes.fluids.stream import vortex
 from barchan.scenes.kinds.cavity import CENTRELINE
@@ -145,7 +145,7 @@ class FluidCavityModel(FluidModel):
             "vortex_x": centre[0],
             "vortex_y": centre[1],
             "vortex_strength": strength,
-            "plug_area": float(self.space.weights[rigid(self.flow, solution)].sum()),
+            "plug_area": float(self.space.weights[observables.rigid_points(self.flow, solution)].sum()),
             "centreline_min": float(lines["centreline_ux"][low]),
             "centreline_min_y": float(lines["centreline_y"][low]),
         }
