@@ -13,31 +13,20 @@ from time import perf_counter
 
 import numpy as np
 
+from _couette import device, hierarchy
 from _table import print_table
 from barchan.flows.quasi_newtonian import (
     DirectSolver,
-    ModifiedPoliquen,
     MultigridSolver,
     NonlinearOptions,
-    NoSlip,
-    QuasiNewtonianFlow,
-    Velocity,
     solve_flow,
 )
 from barchan.flows.quasi_newtonian.nested import prolonged
-from barchan.spaces.meshes import annulus
-from barchan.spaces.quadratic import QuadraticSpace
 
 HEADS = (
     "level", "unknowns", "steps", "cycles a step", "set-up s", "s", "s a step", "over last level",
     "direct / multigrid", "GiB", "met",
 )  # fmt: skip
-INNER, OUTER, SPEED = 0.019, 0.024, 0.019886667
-
-
-def turning(x: np.ndarray) -> np.ndarray:
-    """Rigid rotation with the speed of the inner wall."""
-    return SPEED / INNER * np.stack([-x[:, 1], x[:, 0]], axis=1)
 
 
 def main() -> None:
@@ -56,13 +45,12 @@ def main() -> None:
     nonlinear = (
         NonlinearOptions("adaptive-newton", strategy="f3", delta0=0.5) if options.f3 else NonlinearOptions()
     )
-    model = ModifiedPoliquen(0.15, 0.27, 0.06, 0.001, 1.0, 0.99133, eps=options.eps)
-    spaces, start, rows, before = [QuadraticSpace(annulus(1, INNER, OUTER))], None, [], None
+    every, start, rows, before = hierarchy(options.finest), None, [], None
     for level in range(1, options.finest + 1):
+        spaces = every[:level]
         if level > 1:
-            spaces.append(QuadraticSpace(spaces[-1].mesh.refined()))
             start = prolonged(start, spaces[-2], spaces[-1])
-        flow = QuasiNewtonianFlow(spaces[-1], model, {"inner": Velocity(turning), "outer": NoSlip()})
+        flow = device(spaces[-1], options.eps)
         direct = None
         if level <= options.direct:
             began = perf_counter()

@@ -13,31 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from _couette import INNER, device, hierarchy, turning
 from _table import print_table
-from barchan.flows.quasi_newtonian.conditions import NoSlip, Velocity
-from barchan.flows.quasi_newtonian.flow import QuasiNewtonianFlow
-from barchan.flows.quasi_newtonian.models import ModifiedPoliquen
 from barchan.flows.quasi_newtonian.multigrid import MultigridSolver
 from barchan.linalg.multigrid import CycleOptions
-from barchan.spaces.meshes import annulus
-from barchan.spaces.quadratic import QuadraticSpace
-
-INNER, OUTER, SPEED = 0.019, 0.024, 0.019886667
-
-
-def hierarchy(level: int) -> list[QuadraticSpace]:
-    """Spaces of the levels 1 to `level`."""
-    mesh = annulus(1, INNER, OUTER)
-    spaces = [QuadraticSpace(mesh)]
-    for _ in range(level - 1):
-        mesh = mesh.refined()
-        spaces.append(QuadraticSpace(mesh))
-    return spaces
-
-
-def turning(x: np.ndarray) -> np.ndarray:
-    """Rigid rotation with the speed of the inner wall."""
-    return SPEED / INNER * np.stack([-x[:, 1], x[:, 0]], axis=1)
 
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float, float]:
@@ -51,8 +30,7 @@ def measure(level: int, eps: float, precision: str, options: CycleOptions) -> li
     """Rows (level, unknowns, what, wall seconds, cpu seconds, cycles)."""
     spaces, *found = timed(lambda: hierarchy(level))
     fine = spaces[-1]
-    model = ModifiedPoliquen(0.15, 0.27, 0.06, 1e-3, 1.0, 1487.0 / 1500.0, eps=eps)
-    flow = QuasiNewtonianFlow(fine, model, {"inner": Velocity(turning), "outer": NoSlip()})
+    flow = device(fine, eps)
     rows: list[tuple[object, ...]] = [(level, fine.size, "spaces", *found, None)]
     x = fine.mesh.nodes
     decay = np.exp(-1400.0 * (np.linalg.norm(x, axis=1) - INNER))

@@ -223,14 +223,6 @@ class FluidModel:
             **{name: field[:count] for name, field in nodal.items()},
         }
 
-    @staticmethod
-    def refinements(coarsest: QuadraticMesh, levels: int) -> list[QuadraticMesh]:
-        """`levels` meshes from the coarsest on."""
-        meshes = [coarsest]
-        for _ in range(levels - 1):
-            meshes.append(meshes[-1].refined())
-        return meshes
-
     def cut(
         self, solution: FlowSolution, start: ArrayLike, end: ArrayLike, points: int = LINE_POINTS
     ) -> CutLine:

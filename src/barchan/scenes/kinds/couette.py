@@ -35,7 +35,7 @@ from barchan.scenes.fluids import (
 )
 from barchan.scenes.parameters import Group, NotNegative, Positive, SceneHeader
 from barchan.spaces.meshes import annulus
-from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace
+from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace, refinements
 
 Vector = NDArray[np.float64]
 
@@ -118,7 +118,7 @@ class CouetteModel(FluidModel):
         """The gap of all levels."""
         geometry, cells = self.parameters.geometry, self.parameters.elements.shape
         coarsest = annulus(1, geometry.inner, geometry.outer, AROUND, ACROSS, cells)
-        return self.refinements(coarsest, geometry.level)
+        return refinements(coarsest, geometry.level)
 
     def build(self, space: QuadraticSpace) -> QuasiNewtonianFlow:
         """The inner wall turns, the outer does not; nothing slips."""

@@ -35,7 +35,7 @@ from barchan.scenes.fluids import (
 from barchan.scenes.parameters import Group, NotNegative, Positive, SceneHeader
 from barchan.spaces.meshes import dfg_channel
 from barchan.spaces.meshes.dfg_channel import CENTRE, RADIUS, WIDTH
-from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace
+from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace, refinements
 
 Vector = NDArray[np.float64]
 
@@ -134,9 +134,7 @@ class CylinderDfgModel(FluidModel):
 
     def hierarchy(self) -> list[QuadraticMesh]:
         """The channel of all levels."""
-        return self.refinements(
-            dfg_channel(1, self.parameters.elements.shape), self.parameters.geometry.level
-        )
+        return refinements(dfg_channel(1, self.parameters.elements.shape), self.parameters.geometry.level)
 
     def build(self, space: QuadraticSpace) -> QuasiNewtonianFlow:
         """A parabola at the inflow, no slip on walls and cylinder."""

@@ -34,7 +34,7 @@ from barchan.scenes.fluids.stream import vortex
 from barchan.scenes.kinds.cavity import CENTRELINE
 from barchan.scenes.parameters import Group, NotNegative, Positive, SceneHeader
 from barchan.spaces.meshes import rectangle
-from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace
+from barchan.spaces.quadratic import QuadraticMesh, QuadraticSpace, refinements
 
 Vector = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ class FluidCavityModel(FluidModel):
         mesh = rectangle(
             (0.0, 0.0), (1.0, 1.0), (count, count), self.parameters.elements.shape, grading=geometry.grading
         )
-        return self.refinements(QuadraticMesh.of(mesh), levels)
+        return refinements(QuadraticMesh.of(mesh), levels)
 
     def build(self, space: QuadraticSpace) -> QuasiNewtonianFlow:
         """A closed box with a moving lid."""

@@ -211,3 +211,11 @@ def _snapped(mesh: QuadraticMesh, halving: bool = False) -> QuadraticMesh:
     kind = skfem.MeshQuad if mesh.quadrilateral else skfem.MeshTri
     skeleton = kind(np.ascontiguousarray(points), mesh.skeleton.t, _boundaries=mesh.skeleton._boundaries)
     return QuadraticMesh(skeleton, mesh.nodes, mesh.curves)
+
+
+def refinements(coarsest: QuadraticMesh, levels: int) -> list[QuadraticMesh]:
+    """`levels` meshes, `coarsest` first, each the refinement of the one before."""
+    meshes = [coarsest]
+    for _ in range(levels - 1):
+        meshes.append(meshes[-1].refined())
+    return meshes

@@ -20,8 +20,25 @@ def _clipped(p: Array) -> tuple[Array, Array]:
     return np.maximum(p, 0.0), np.asarray(p > 0.0, dtype=np.float64)
 
 
+class _Frictional(ViscosityModel):
+    """A friction of rough grains, proportional to the pressure and independent of slow rates."""
+
+    angle: float
+
+    @property
+    def uses_pressure(self) -> bool:
+        return True
+
+    @property
+    def singular(self) -> bool:
+        return True
+
+    def yield_stress(self, p: Array) -> Array | None:
+        return math.sin(math.radians(self.angle)) * _clipped(p)[0]
+
+
 @dataclass(frozen=True)
-class Tardos(ViscosityModel):
+class Tardos(_Frictional):
     """eta = (sqrt(2)/2) p (sin(phi) s^(-1/2) + b cos(phi) s^((n-1)/2)) (seed C, Eq. 3.7).
 
     A Coulomb friction that grows with the shear rate, from quasi-static to intermediate flow.
@@ -43,14 +60,6 @@ class Tardos(ViscosityModel):
         checked("n", self.n, positive=True)
         self._check_eps()
 
-    @property
-    def uses_pressure(self) -> bool:
-        return True
-
-    @property
-    def singular(self) -> bool:
-        return True
-
     def _parts(self) -> tuple[float, float]:
         phi = math.radians(self.angle)
         return HALF_ROOT_TWO * math.sin(phi), HALF_ROOT_TWO * self.b * math.cos(phi)
@@ -69,12 +78,9 @@ class Tardos(ViscosityModel):
         by_rate = -0.5 * plastic * power(s, -1.5) + viscous * slope * power(s, slope - 1.0)
         return pressure * by_rate, pressed * self._per_pressure(s)
 
-    def yield_stress(self, p: Array) -> Array | None:
-        return math.sin(math.radians(self.angle)) * _clipped(p)[0]
-
 
 @dataclass(frozen=True)
-class Schaeffer(ViscosityModel):
+class Schaeffer(_Frictional):
     """eta = (sqrt(2)/2) p sin(phi) s^(-1/2): Coulomb friction whatever the shear rate (seed C, Eq. 3.6).
 
     angle : of internal friction, phi in (0, 90) degrees. eps [1/time] > 0. p is taken as 0 where it is negative.
@@ -89,22 +95,11 @@ class Schaeffer(ViscosityModel):
         checked("angle", self.angle, 0.0, 90.0, positive=True)
         self._check_eps()
 
-    @property
-    def uses_pressure(self) -> bool:
-        return True
-
-    @property
-    def singular(self) -> bool:
-        return True
-
     def viscosity(self, s: Array, p: Array) -> Array:
         return Tardos(self.angle, 0.0, 1.0, self.eps).viscosity(s, p)
 
     def derivatives(self, s: Array, p: Array) -> tuple[Array, Array]:
         return Tardos(self.angle, 0.0, 1.0, self.eps).derivatives(s, p)
-
-    def yield_stress(self, p: Array) -> Array | None:
-        return math.sin(math.radians(self.angle)) * _clipped(p)[0]
 
 
 def _inertial(rate: Array, diameter: float, scale: Array | float) -> Array:
