@@ -7,14 +7,19 @@ of the process counts, since others may share the machine. A slope above 1 shows
 from __future__ import annotations
 
 import argparse
+import itertools
 from pathlib import Path
 from time import process_time
 
 import numba
 import numpy as np
+import scipy.sparse as sp
 
 from _table import print_table
-from barchan.friction import Problem, solve
+from barchan.cones import Coulomb, chi
+from barchan.friction import Problem, operators, solve
+from barchan.friction.gradient_form import GradientDelassus
+from barchan.friction.methods.gauss_seidel import prepare_sweeper
 from barchan.friction.operators import LumpedDelassus, StoredDelassus, build_operator
 from barchan.friction.samples import pile
 
@@ -73,6 +78,56 @@ def measure(
     return found
 
 
+def strain_problem(nodes: int) -> Problem:
+    """A cube of about `nodes` nodes, each seeing its 27 neighbours through a random strain block (6, 3)."""
+    rng = np.random.default_rng(1)
+    side = max(3, round(nodes ** (1 / 3)))
+    place = np.stack(np.meshgrid(*[np.arange(side)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    step = np.stack(np.meshgrid(*[np.arange(-1, 2)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    near = place[:, None] + step
+    inside = ((near >= 0) & (near < side)).all(axis=-1)
+    indices = (near @ np.array([side * side, side, 1]))[inside]
+    data = np.einsum("sck,ek->esc", chi(np.eye(6)), rng.standard_normal((len(indices), 3)))
+    n = len(place)
+    pointers = np.concatenate([[0], np.cumsum(inside.sum(axis=1))])
+    H = sp.bsr_array((data, indices, pointers), shape=(6 * n, 3 * n))
+    push = np.zeros((n, 6))
+    push[:, 0] = rng.uniform(0.0, 1.0, n)
+    return Problem(
+        M=sp.eye_array(3 * n, format="csr"),
+        f=-(H.T @ push.reshape(-1)),
+        H=H,
+        w=np.zeros(6 * n),
+        law=Coulomb(np.full(n, 0.4)),
+    )
+
+
+def continuum_rows(sizes: tuple[int, ...], repeats: int, sweeps: int) -> list[tuple[object, ...]]:
+    """(form, schedule, nodes, set-up ms, ms a sweep, ns a node) of a continuum: by gradients and as blocks, one thread."""
+    rows: list[tuple[object, ...]] = []
+    recognise = operators.gradient_form
+    for form, nodes, parallel in itertools.product((GradientDelassus, LumpedDelassus), sizes, (False, True)):
+        operators.gradient_form = recognise if form is GradientDelassus else lambda *_: None
+        setup, shortest = np.inf, np.inf
+        given = strain_problem(nodes)
+        for _ in range(repeats):
+            problem = Problem(M=given.M, f=given.f, H=given.H, w=given.w, law=given.law)
+            began = process_time()
+            sweeper = prepare_sweeper(problem, "matrix-free", "secular", parallel)
+            setup = min(setup, process_time() - began)
+            assert isinstance(sweeper.delassus, form)
+            sweeper.start(np.zeros((problem.n, 6)))
+            sweeper.run(3, 0, -1.0)
+            began = process_time()
+            sweeper.run(sweeps, 0, -1.0)
+            shortest = min(shortest, (process_time() - began) / sweeps)
+        name = "gradients" if form is GradientDelassus else "blocks"
+        order = "coloured" if parallel else "natural"
+        rows.append((name, order, problem.n, 1e3 * setup, 1e3 * shortest, 1e9 * shortest / problem.n))
+    operators.gradient_form = recognise
+    return rows
+
+
 def slope(points: list[tuple[int, int, float]]) -> float:
     """Exponent of seconds against blocks, by least squares on logarithms."""
     _, blocks, seconds = np.log(np.array(points)).T
@@ -117,8 +172,16 @@ def main() -> None:
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--work", type=int, default=2_000_000, help="block solves timed at least")
     parser.add_argument("--picture", type=Path, default=PICTURE)
+    parser.add_argument(
+        "--continuum", action="store_true", help="a continuum by gradients and as blocks, and nothing else"
+    )
     choice = parser.parse_args()
     numba.set_num_threads(1)
+    if choice.continuum:
+        rows = continuum_rows((1_000, 8_000, 32_000), choice.repeats, 20)
+        heads = ("form", "order", "nodes", "ms set-up", "ms a sweep", "ns a node")
+        print_table("One Gauss-Seidel sweep over a continuum in 3D, one thread", heads, rows)
+        return
     sizes = np.geomspace(100, choice.largest, choice.sizes)
     sweep(pile(20, 1, dimension=choice.dimension).problem, "explicit", FEWEST)  # compiles
     sweep(pile(20, 1, dimension=choice.dimension).problem, "matrix-free", FEWEST)

@@ -81,7 +81,8 @@ def test_the_tank_sticks_at_the_floor_and_slips_elsewhere():
     ("name", "value"),
     [
         ("tolerance", 0.0), ("tolerance", float("nan")), ("cfl", -1.0), ("max_sweeps", 0), ("min_sweeps", -1),
-        ("transfer", "flip"), ("method", "magic"), ("volume_correction", 1.5), ("viscous_tolerance", 0.0),
+        ("transfer", "flop"), ("stress", "P2"), ("velocity", "Q2"), ("flip_share", 1.5), ("warm_start", "no"),
+        ("method", "magic"), ("volume_correction", 1.5), ("viscous_tolerance", 0.0),
     ],
 )  # fmt: skip
 def test_options_out_of_range_are_refused(name, value):

@@ -6,8 +6,10 @@ import pytest
 from barchan.cones import chi
 from barchan.flows.mpm import Material, Options, State, Stepper, Wall, Walls, fill_box
 from barchan.flows.mpm.assembly import viscous_stiffness
-from barchan.flows.mpm.momentum import unconstrained_velocities
+from barchan.flows.mpm.bases import VelocityBasis
 from barchan.flows.mpm.transfer import particles_to_grid
+from barchan.flows.mpm.velocity import velocity_field
+from barchan.flows.mpm.viscosity import unconstrained_velocities
 from barchan.flows.mpm.walls import free_components
 from barchan.spaces import RegularGrid
 
@@ -110,11 +112,11 @@ def test_a_sliding_block_is_braked_by_the_coulomb_friction_of_the_floor(d, wall_
     mean = np.sum(state.volumes[:, None] * state.velocities, axis=0) / np.sum(state.volumes)
     assert mean[0] == pytest.approx(1.0 - wall_friction * 9.81 * dt * steps, abs=0.02)
     if wall_friction > 0.0:
-        traction = state.wall_tractions
+        traction = state.contact_tractions
         tangential = np.linalg.norm(traction[:, 1:], axis=1)
         assert np.all(traction[:, 0] >= 0.0)
         assert np.all(tangential <= wall_friction * traction[:, 0] * (1 + 1e-9) + 1e-9)
-        assert len(state.wall_keys) == len(traction) > 0
+        assert len(state.contact_keys) == len(traction) > 0
 
 
 def collapse(d: int) -> tuple[RegularGrid, State]:
@@ -144,15 +146,20 @@ def test_a_collapse_loses_energy_keeps_volume_and_follows_the_friction_law(d):
 def test_the_viscous_step_damps_shear_as_its_stiffness_says():
     grid, start = collapse(2)
     velocities = start.positions @ np.array([[0.0, 1.0], [0.0, 0.0]]).T
-    matter = particles_to_grid(grid, State.from_arrays(start.arrays() | {"velocities": velocities}))
+    moving = State.from_arrays(start.arrays() | {"velocities": velocities})
+    matter = particles_to_grid(grid, moving)
+    field = velocity_field(matter, moving, VelocityBasis(grid), 1500.0, True)
     free = free_components(grid, Walls.cuve(2), matter.active.nodes)
-    dt = 0.01
+    dt, gravity = 0.01, np.array([0.0, -9.81])
     inertia = 1500.0 * matter.volumes / dt
-    inviscid = unconstrained_velocities(matter, MATERIAL, free, inertia, 9.81, dt, 1e-12)
+
+    def velocities_with(viscosity):
+        return unconstrained_velocities(field, viscosity, moving.volumes, free, inertia, gravity, dt, 1e-12)
+
+    inviscid, viscous = velocities_with(0.0), velocities_with(5.0)
     np.testing.assert_allclose(inviscid[free], (matter.velocities - [0, 9.81 * dt])[free], rtol=1e-13)
-    viscous = unconstrained_velocities(
-        matter, Material(1500.0, 0.5, viscosity=5.0), free, inertia, 9.81, dt, 1e-12
-    )
+    # Assembled from cell moments or applied particle by particle: the same operator.
+    np.testing.assert_allclose(velocities_with(np.full(moving.particle_count, 5.0)), viscous, atol=1e-8)
     assert not np.any(viscous[~free])
     work = np.sum(inertia[:, None] * (inviscid - viscous) * viscous)
     stiffness = viscous_stiffness(matter, 5.0, free)
@@ -210,6 +217,6 @@ def test_the_problem_of_a_step_can_be_taken_away_and_is_the_one_solved():
     assert problem.s == 3
     stresses = np.zeros((problem.n, 3))
     stresses[: len(state.node_ids)] = state.node_stresses
-    stresses[len(state.node_ids) :, :2] = state.wall_tractions
+    stresses[len(state.node_ids) :, :2] = state.contact_tractions
     balance = problem.M @ state.node_velocities.ravel() - problem.f - problem.H.T @ stresses.ravel()
     np.testing.assert_allclose(balance, 0.0, atol=1e-10 * np.max(np.abs(problem.f)))

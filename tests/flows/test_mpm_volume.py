@@ -71,10 +71,11 @@ def test_nothing_is_shifted_through_a_wall():
 
 
 def test_a_shift_raises_the_matter_by_no_more_than_the_energy_allowed():
+    gravity = np.array([0.0, -10.0])
     masses, shift = np.array([1.0, 2.0]), np.array([[0.0, 0.1], [0.3, 0.2]])
-    np.testing.assert_array_equal(within_energy(shift, masses, 10.0, 1e9), shift)
-    limited = within_energy(shift, masses, 10.0, 1.0)
+    np.testing.assert_array_equal(within_energy(shift, masses, gravity, 1e9), shift)
+    limited = within_energy(shift, masses, gravity, 1.0)
     assert np.isclose(10.0 * np.sum(masses * limited[:, 1]), 0.5, rtol=1e-12)
-    assert not np.any(within_energy(shift, masses, 10.0, 0.0))
-    assert not np.any(within_energy(shift, masses, 10.0, -1.0))
-    np.testing.assert_array_equal(within_energy(-shift, masses, 10.0, 0.0), -shift)
+    assert not np.any(within_energy(shift, masses, gravity, 0.0))
+    assert not np.any(within_energy(shift, masses, gravity, -1.0))
+    np.testing.assert_array_equal(within_energy(-shift, masses, gravity, 0.0), -shift)

@@ -7,7 +7,8 @@ import pytest
 
 from barchan import scenes
 from barchan.flows.mpm import Wall
-from barchan.scenes.kinds.column.model import ColumnModel, active_cells, build_walls
+from barchan.scenes.granular.building import active_cells, build_walls
+from barchan.scenes.kinds.column.model import ColumnModel
 from barchan.scenes.kinds.column.observables import column_volume
 from barchan.spaces import RegularGrid
 
@@ -45,12 +46,17 @@ def test_the_initial_state_fills_the_column_exactly(scene: scenes.Scene) -> None
 
 def test_walls_are_those_of_the_scene() -> None:
     walls = {"x_min": "stick", "y_min": "slip", "z_min": {"friction": 0.5}, "z_max": {"friction": 0.0}}
-    faces = build_walls(scenes.load("collapse_3d", walls=walls).parameters).faces
+    faces = build_walls(scenes.load("collapse_3d", walls=walls).parameters.walls).faces
     assert faces["x_min"] == Wall("stick")
     assert faces["y_min"] == Wall("slip")
     assert faces["z_min"] == Wall("friction", 0.5)
     assert faces["z_max"] == Wall("friction", 0.0)
-    assert set(build_walls(scenes.load("collapse").parameters).faces) == {"x_min", "x_max", "z_min", "z_max"}
+    assert set(build_walls(scenes.load("collapse").parameters.walls).faces) == {
+        "x_min",
+        "x_max",
+        "z_min",
+        "z_max",
+    }
 
 
 def test_adaptive_steps_let_no_particle_cross_more_than_its_share_of_a_cell(scene: scenes.Scene) -> None:

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from barchan import scenes
+from barchan.scenes.granular.surface import Surface, free_surface
 from barchan.scenes.kinds.column.observables import column_volume, geometry_observables, summarise
-from barchan.scenes.kinds.column.surface import Surface, free_surface
 
 TABLES = {"box.size": [1.0, 0.5], "box.cells": [20, 10], "column.length": 0.2, "column.height": 0.4}
 PARAMETERS = scenes.load("collapse", **TABLES).parameters

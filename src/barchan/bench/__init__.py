@@ -3,7 +3,7 @@
 Dolan and More's performance profiles as in seed B, Figures 4.8, 4.13 and 7.24; `barchan bench solvers` is the command.
 """
 
-from barchan.bench.campaign import Campaign, Plan, problems_of_folder, run_campaign
+from barchan.bench.campaign import Campaign, Plan, Variant, problems_of_folder, run_campaign
 from barchan.bench.measurement import Measurement
 
-__all__ = ["Campaign", "Measurement", "Plan", "problems_of_folder", "run_campaign"]
+__all__ = ["Campaign", "Measurement", "Plan", "Variant", "problems_of_folder", "run_campaign"]

@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 import os
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from barchan import friction
 from barchan.bench.measurement import Measurement, Solver, measure
@@ -25,11 +26,21 @@ Named = tuple[str, friction.Problem]
 
 
 @dataclass(frozen=True)
+class Variant:
+    """A method with options of its own, under the name that tables give it."""
+
+    label: str
+    method: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Plan:
     """What to compare.
 
-    methods : names of `friction.methods()`.  tolerance : certificate to reach.  time_limit : seconds for one solve.
-    repeats : solves of which the shortest counts.  peers : whether to ask Siconos, where the system has it.
+    methods : names of `friction.methods()`.  variants : methods with options, compared beside them.
+    tolerance : certificate to reach.  time_limit : seconds for one solve.  repeats : solves of which the shortest counts.
+    peers : whether to ask Siconos, where the system has it.
 
     Raises
     ------
@@ -41,11 +52,12 @@ class Plan:
     time_limit: float = 10.0
     repeats: int = 3
     peers: bool = True
+    variants: tuple[Variant, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.methods:
+        if not self.methods and not self.variants:
             raise InputError("methods", "none", "one or more of " + ", ".join(friction.methods()))
-        for name in self.methods:
+        for name in (*self.methods, *(variant.method for variant in self.variants)):
             if name not in friction.methods():
                 raise InputError("methods", name, "one of " + ", ".join(friction.methods()))
         for field_name in ("tolerance", "time_limit"):
@@ -100,7 +112,8 @@ def run_campaign(
     except OSError as error:
         raise unwritable(out, error) from error
     campaign = Campaign(peers=_peers_for(problems) if plan.peers and siconos_is_there() else ())
-    solvers: dict[str, Solver] = {name: _own(name) for name in plan.methods}
+    own = (*(Variant(name, name) for name in plan.methods), *plan.variants)
+    solvers: dict[str, Solver] = {variant.label: _own(variant) for variant in own}
     solvers |= {name: peer(name) for name in campaign.peers}
     for name, problem in problems:
         for solver in solvers.values():
@@ -113,11 +126,13 @@ def run_campaign(
     return campaign
 
 
-def _own(method: str) -> Solver:
+def _own(variant: Variant) -> Solver:
     def measured(
         name: str, problem: friction.Problem, tolerance: float, time_limit: float, repeats: int
     ) -> Measurement:
-        return measure(name, problem, method, tolerance, time_limit, repeats)
+        return measure(
+            name, problem, variant.method, tolerance, time_limit, repeats, variant.label, **variant.options
+        )
 
     return measured
 

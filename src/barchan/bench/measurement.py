@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -42,9 +43,18 @@ class Measurement:
 
 
 def measure(
-    name: str, problem: friction.Problem, method: str, tolerance: float, time_limit: float, repeats: int
+    name: str,
+    problem: friction.Problem,
+    method: str,
+    tolerance: float,
+    time_limit: float,
+    repeats: int,
+    label: str | None = None,
+    **options: Any,
 ) -> Measurement:
     """Solve with a method of barchan; the shortest of `repeats` solves counts (one, where the first took LONG seconds).
+
+    label : what the measurement calls the solver, `method` unless given.  options : of the method.
 
     The limit of time (s) acts through the callback of `solve`, hence at the next iterate that the method records: methods that
     record rarely (conic programs, Lemke) may overrun it.
@@ -55,20 +65,22 @@ def measure(
 
     best: friction.Solution | None = None
     try:
-        first = friction.solve(replace(problem), method, tol=tolerance, callback=too_long)
+        first = friction.solve(replace(problem), method, tol=tolerance, callback=too_long, **options)
         for _ in range(repeats if first.elapsed < LONG else 1):
-            solution = friction.solve(replace(problem), method, tol=tolerance, callback=too_long)
+            solution = friction.solve(replace(problem), method, tol=tolerance, callback=too_long, **options)
             if best is None or solution.elapsed < best.elapsed:
                 best = solution
     except InputError as error:
-        return Measurement(name, method, note=f"not for this problem: {error.field} must be {error.allowed}")
+        return Measurement(
+            name, label or method, note=f"not for this problem: {error.field} must be {error.allowed}"
+        )
     assert best is not None
     history = [(entry.seconds, entry.residual) for entry in best.history if np.isfinite(entry.residual)]
     late = best.elapsed > time_limit
     note = LATE if late else "" if best.converged else best.status
     return Measurement(
         name,
-        method,
+        label or method,
         best.certificate.residual,
         best.iterations,
         best.elapsed,

@@ -25,7 +25,7 @@ app = typer.Typer(
     help="Granular matter and frictional contact, solved as one discrete problem.",
 )
 
-bench = typer.Typer(help="Measure: compare solvers over many problems.")
+bench = typer.Typer(help="Measure: solvers over many problems, time steps beside another program.")
 app.add_typer(bench, name="bench")
 
 
@@ -126,6 +126,29 @@ def bench_solvers(
 
     plan = Plan(tolerance=tol, time_limit=time_limit, repeats=repeats, peers=not no_peers)
     raise typer.Exit(command(folder, family, methods, plan, out, convexified))
+
+
+@bench.command("mpm")
+def bench_mpm(
+    newton: Annotated[
+        Path | None,
+        typer.Option(help="Python that has NVIDIA Newton; default: BARCHAN_NEWTON, usual places."),
+    ] = None,
+    blocks: Annotated[int, typer.Option(help="Blocks of steps that the programs make in turn.")] = 7,
+    steps: Annotated[int, typer.Option(help="Steps in a block.")] = 10,
+    tol: Annotated[float, typer.Option(help="Tolerance of both programs.")] = 1e-4,
+    threads: Annotated[int, typer.Option(help="Threads of barchan; Newton has one.")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder of the results; default: a new runs/bench-mpm-<n>.")
+    ] = None,
+    alone: Annotated[bool, typer.Option("--alone", help="Leave Newton out.")] = False,
+) -> None:
+    """Seconds a step and certificates of a collapsing column, beside NVIDIA Newton's implicit MPM."""
+    from barchan.bench.mpm import ColumnPlan
+    from barchan.cli.bench import bench_mpm as command
+
+    plan = ColumnPlan(blocks=blocks, steps=steps, tolerance=tol, threads=threads)
+    raise typer.Exit(command(plan, newton, alone, out))
 
 
 def _complain(message: str, code: int) -> int:

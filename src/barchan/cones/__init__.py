@@ -4,6 +4,7 @@ Pure mathematics on small arrays: seed B, chapter 1, sections 4.1.1, 6.3.1 and B
 The Numba kernels of one block, for solvers, are in `barchan.cones._kernels`.
 """
 
+from barchan.cones.faceted import FacetedCoulomb
 from barchan.cones.jordan import (
     arrow_matrix,
     jordan_eigenvalues,
@@ -11,7 +12,7 @@ from barchan.cones.jordan import (
     jordan_product,
     jordan_square_root,
 )
-from barchan.cones.laws import Coulomb, DruckerPrager, Law, SecondOrderCone
+from barchan.cones.laws import Coulomb, DruckerPrager, Law, RoundLaw, SecondOrderCone
 from barchan.cones.projection import (
     project_dual_cone,
     project_polar_cone,
@@ -31,7 +32,9 @@ from barchan.cones.tensors import (
 __all__ = [
     "Coulomb",
     "DruckerPrager",
+    "FacetedCoulomb",
     "Law",
+    "RoundLaw",
     "SecondOrderCone",
     "angle_from_friction",
     "arrow_matrix",

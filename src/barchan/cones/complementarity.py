@@ -1,6 +1,6 @@
 """Functions of (u, r) that vanish exactly on the laws of friction, and a generalised Jacobian of one of them.
 
-Seed B: natural map with De Saxce's shift (1.29), Alart-Curnier (1.27), Fischer-Burmeister (4.1-4.3), B.1.1.
+Seed B: De Saxce's shift of the natural map (1.29), Alart-Curnier (1.27), Fischer-Burmeister (4.1-4.3), B.1.1.
 Unchecked arrays: u, r (n, s); rho and coefficients scalar or (n,); `Law` (laws.py) checks and calls them.
 """
 
@@ -38,13 +38,6 @@ def project_admissible(r: FloatArray, law: Coefficients) -> FloatArray:
 def de_saxce_shift(u: FloatArray, law: Coefficients) -> FloatArray:
     """Normal component (n,) of the shift: (mu - zeta) |u_T|. Seed B, Property 1.6; ERRATA 3."""
     return (law.mu - law.dilatancy) * np.linalg.norm(u[:, 1:], axis=1)
-
-
-def natural_map(u: FloatArray, r: FloatArray, rho: FloatArray, law: Coefficients) -> FloatArray:
-    """r - P(r - rho (u + s(u))), (n, s). Minus seed B's Eq. (1.29)."""
-    trial = r - _column(rho) * u
-    trial[:, 0] -= rho * de_saxce_shift(u, law)
-    return r - project_admissible(trial, law)
 
 
 def alart_curnier(u: FloatArray, r: FloatArray, rho: FloatArray, law: Coefficients) -> FloatArray:

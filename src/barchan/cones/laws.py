@@ -1,7 +1,8 @@
 """Laws of dry friction and granular plasticity, block by block: Coulomb, second-order cone, Drucker-Prager.
 
 Seed B: Coulomb (1.1), non-associated Drucker-Prager flow rule (1.19)-(1.20), De Saxce shift (Property 1.6).
-Compression is positive: r = -sigma. A law knows no solver, no operator and no mesh.
+Compression is positive: r = -sigma. A law knows no solver, no operator and no mesh. What depends on the Euclidean norm of r_T
+is in `RoundLaw`; the law with facets, which exists to show what they do, is in faceted.py.
 """
 
 from __future__ import annotations
@@ -24,8 +25,7 @@ Parameter = float | FloatArray
 class Law(ABC):
     """What every law shares; use `Coulomb`, `SecondOrderCone` or `DruckerPrager`.
 
-    A force r is admissible when x = r + tensile_yield e_N has x_N >= 0 and |x_T| <= shear_yield + mu x_N.
-    The flow rule puts -(u + s(u)) in the normal cone at r, with s(u) = (mu - dilatancy) |u_T| e_N.
+    The flow rule puts -(u + s(u)) in the normal cone of the admissible forces at r, with a shift s(u) along e_N.
 
     Parameters are in normalised cone coordinates (ERRATA 1). Each is a number, the same for all blocks, or an
     array (n,), stored as a read-only float64 copy.
@@ -89,16 +89,16 @@ class Law(ABC):
     def project(self, r: FloatArray, block_size: int | None = None) -> FloatArray:
         """Nearest admissible force of each block, in the shape of r. Source: seed B, Eq. (1.17)."""
         blocks, shape = self._blocks("r", r, block_size)
-        return complementarity.project_admissible(blocks, self._coefficients()).reshape(shape)
+        return self._projected(blocks).reshape(shape)
 
     def shift(self, u: FloatArray, block_size: int | None = None) -> FloatArray:
         """De Saxce's s(u) = (mu - dilatancy) |u_T| e_N, in the shape and unit of u.
 
-        Source: seed B, Property 1.6; ERRATA 3.
+        |u_T| is the norm dual to the one that bounds r_T. Source: seed B, Property 1.6; ERRATA 3.
         """
         blocks, shape = self._blocks("u", u, block_size)
         shift = np.zeros_like(blocks)
-        shift[:, 0] = complementarity.de_saxce_shift(blocks, self._coefficients())
+        shift[:, 0] = self._normal_shift(blocks)
         return shift.reshape(shape)
 
     def natural_map(
@@ -109,7 +109,9 @@ class Law(ABC):
         Source: seed B, Eqs. (1.28)-(1.29), whose function has the opposite sign.
         """
         velocities, forces, steps, shape = self._pair(u, r, rho, block_size)
-        return complementarity.natural_map(velocities, forces, steps, self._coefficients()).reshape(shape)
+        trial = forces - np.asarray(steps)[..., None] * velocities
+        trial[:, 0] -= steps * self._normal_shift(velocities)
+        return (forces - self._projected(trial)).reshape(shape)
 
     def alart_curnier(
         self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None = None
@@ -119,7 +121,91 @@ class Law(ABC):
         Source: seed B, Eqs. (1.26)-(1.27).
         """
         velocities, forces, steps, shape = self._pair(u, r, rho, block_size)
-        return complementarity.alart_curnier(velocities, forces, steps, self._coefficients()).reshape(shape)
+        return self._alart_curnier(velocities, forces, steps).reshape(shape)
+
+    def with_friction(self, mu: Parameter) -> Self:
+        """The same law with another friction coefficient; raises InputError as the constructor does."""
+        return replace(self, mu=mu)
+
+    def take(self, indices: Any) -> Self:
+        """The law of the selected blocks, by numpy indexing (integers, mask or slice); numbers stay numbers.
+
+        Raises InputError on an index out of range.
+        """
+        taken = {}
+        for field in fields(self):
+            parameter = getattr(self, field.name)
+            if np.ndim(parameter):
+                try:
+                    taken[field.name] = np.atleast_1d(parameter[indices])
+                except IndexError as error:
+                    raise InputError("indices", indices, f"indices of {len(parameter)} blocks") from error
+        return replace(self, **taken)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Law) or type(other) is not type(self):
+            return NotImplemented
+        return all(map(np.array_equal, self._coefficients(), other._coefficients()))
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _coefficients(self) -> Coefficients:
+        return Coefficients(
+            np.asarray(self.mu),
+            np.asarray(self.shear_yield),
+            np.asarray(self.tensile_yield),
+            np.asarray(self.dilatancy),
+        )
+
+    @abstractmethod
+    def _projected(self, blocks: FloatArray) -> FloatArray:
+        """Nearest admissible forces (n, s) of blocks (n, s)."""
+
+    @abstractmethod
+    def _normal_shift(self, velocities: FloatArray) -> FloatArray:
+        """s_N (n,) of velocities (n, s)."""
+
+    @abstractmethod
+    def _alart_curnier(self, velocities: FloatArray, forces: FloatArray, steps: FloatArray) -> FloatArray:
+        """Alart and Curnier's function (n, s) of blocks (n, s)."""
+
+    def _blocks(
+        self, field: str, x: FloatArray, block_size: int | None
+    ) -> tuple[FloatArray, tuple[int, ...]]:
+        """x as blocks (n, s), and its own shape."""
+        array = as_numbers(field, x)
+        given = f"array of shape {array.shape}"
+        size = array.shape[1] if array.ndim == 2 and block_size is None else block_size
+        if size is None and self.count is not None and array.ndim == 1:
+            # No block at all fits any size.
+            size = array.size // self.count if self.count else 2
+        if size is None or array.ndim not in (1, 2):
+            # Guessing that a flat vector is a single block would silently mix up several.
+            raise InputError(field, given, "of shape (n, s), or flat with block_size given")
+        if size < 2 or array.size % size or (array.ndim == 2 and array.shape[1] != size):
+            raise InputError(field, given, f"made of blocks of equal size >= 2, not {size}")
+        blocks = array.reshape(-1, size)
+        if self.count not in (None, len(blocks)):
+            raise InputError(field, given, f"made of {self.count} blocks, as the law")
+        return blocks, array.shape
+
+    def _pair(
+        self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None
+    ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[int, ...]]:
+        """u and r as blocks (n, s), rho checked, and the shape to answer in."""
+        velocities, shape = self._blocks("u", u, block_size)
+        forces, force_shape = self._blocks("r", r, block_size)
+        if force_shape != shape:
+            raise InputError("r", f"array of shape {force_shape}", f"of the shape of u, {shape}")
+        return velocities, forces, as_step_length("rho", rho, len(forces)), shape
+
+
+@dataclass(frozen=True, eq=False)
+class RoundLaw(Law):
+    """Laws whose admissible forces are bounded in the Euclidean norm: a second-order cone, moved and truncated.
+
+    A force r is admissible when x = r + tensile_yield e_N has x_N >= 0 and |x_T| <= shear_yield + mu x_N.
+    """
 
     def natural_map_jacobian(
         self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None = None
@@ -160,43 +246,9 @@ class Law(ABC):
         velocities, forces, steps, _ = self._pair(u, r, rho, block_size)
         return complementarity.fischer_burmeister_jacobian(velocities, forces, steps, self._coefficients())
 
-    def with_friction(self, mu: Parameter) -> Self:
-        """The same law with another friction coefficient; raises InputError as the constructor does."""
-        return replace(self, mu=mu)
-
     @abstractmethod
-    def convexified(self) -> Law:
+    def convexified(self) -> RoundLaw:
         """The associated law with the same admissible forces: dilatancy = mu, hence s = 0. Seed B, 4.1.2."""
-
-    def take(self, indices: Any) -> Self:
-        """The law of the selected blocks, by numpy indexing (integers, mask or slice); numbers stay numbers.
-
-        Raises InputError on an index out of range.
-        """
-        taken = {}
-        for field in fields(self):
-            parameter = getattr(self, field.name)
-            if np.ndim(parameter):
-                try:
-                    taken[field.name] = np.atleast_1d(parameter[indices])
-                except IndexError as error:
-                    raise InputError("indices", indices, f"indices of {len(parameter)} blocks") from error
-        return replace(self, **taken)
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Law) or type(other) is not type(self):
-            return NotImplemented
-        return all(map(np.array_equal, self._coefficients(), other._coefficients()))
-
-    __hash__ = None  # type: ignore[assignment]
-
-    def _coefficients(self) -> Coefficients:
-        return Coefficients(
-            np.asarray(self.mu),
-            np.asarray(self.shear_yield),
-            np.asarray(self.tensile_yield),
-            np.asarray(self.dilatancy),
-        )
 
     def _require_cone(self) -> None:
         if np.any(self.shear_yield):
@@ -205,39 +257,18 @@ class Law(ABC):
             )
             raise InputError("shear_yield", self.shear_yield, allowed)
 
-    def _blocks(
-        self, field: str, x: FloatArray, block_size: int | None
-    ) -> tuple[FloatArray, tuple[int, ...]]:
-        """x as blocks (n, s), and its own shape."""
-        array = as_numbers(field, x)
-        given = f"array of shape {array.shape}"
-        size = array.shape[1] if array.ndim == 2 and block_size is None else block_size
-        if size is None and self.count is not None and array.ndim == 1:
-            # No block at all fits any size.
-            size = array.size // self.count if self.count else 2
-        if size is None or array.ndim not in (1, 2):
-            # Guessing that a flat vector is a single block would silently mix up several.
-            raise InputError(field, given, "of shape (n, s), or flat with block_size given")
-        if size < 2 or array.size % size or (array.ndim == 2 and array.shape[1] != size):
-            raise InputError(field, given, f"made of blocks of equal size >= 2, not {size}")
-        blocks = array.reshape(-1, size)
-        if self.count not in (None, len(blocks)):
-            raise InputError(field, given, f"made of {self.count} blocks, as the law")
-        return blocks, array.shape
+    def _projected(self, blocks: FloatArray) -> FloatArray:
+        return complementarity.project_admissible(blocks, self._coefficients())
 
-    def _pair(
-        self, u: FloatArray, r: FloatArray, rho: Parameter, block_size: int | None
-    ) -> tuple[FloatArray, FloatArray, FloatArray, tuple[int, ...]]:
-        """u and r as blocks (n, s), rho checked, and the shape to answer in."""
-        velocities, shape = self._blocks("u", u, block_size)
-        forces, force_shape = self._blocks("r", r, block_size)
-        if force_shape != shape:
-            raise InputError("r", f"array of shape {force_shape}", f"of the shape of u, {shape}")
-        return velocities, forces, as_step_length("rho", rho, len(forces)), shape
+    def _normal_shift(self, velocities: FloatArray) -> FloatArray:
+        return complementarity.de_saxce_shift(velocities, self._coefficients())
+
+    def _alart_curnier(self, velocities: FloatArray, forces: FloatArray, steps: FloatArray) -> FloatArray:
+        return complementarity.alart_curnier(velocities, forces, steps, self._coefficients())
 
 
 @dataclass(frozen=True, eq=False)
-class Coulomb(Law):
+class Coulomb(RoundLaw):
     """Coulomb friction with unilateral contact: take-off, or sticking with |r_T| <= mu r_N, or sliding.
 
     mu : normalised friction coefficient >= 0, number or (n,). For tensors see `normalised_friction`.
@@ -250,7 +281,7 @@ class Coulomb(Law):
 
 
 @dataclass(frozen=True, eq=False)
-class SecondOrderCone(Law):
+class SecondOrderCone(RoundLaw):
     """The associated law, u in the dual of K_mu, r in K_mu, u . r = 0: friction with dilatancy mu, convex.
 
     mu : normalised friction coefficient >= 0, number or (n,).
@@ -268,7 +299,7 @@ class SecondOrderCone(Law):
 
 
 @dataclass(frozen=True, eq=False)
-class DruckerPrager(Law):
+class DruckerPrager(RoundLaw):
     """Non-associated Drucker-Prager plasticity with tension cut-off and dilatancy, for r = -sigma.
 
     Parameters, each a number or an array (n,)

@@ -26,6 +26,7 @@ from barchan.friction.local._dispatch import (
 from barchan.linalg.borrowed import borrowed
 
 FULL_SWEEP_EVERY = 11
+PARALLEL_ROWS = 1500  # block rows from which a product with the operator uses all threads
 Kernel: TypeAlias = Callable[..., None]
 
 
@@ -99,6 +100,36 @@ def _relax(S, step, old, law, new):
     project_block(new, law[0], law[1], law[2], new)
 
 
+@njit(inline="always")
+def answer_block(
+    S, LOCAL, COUNT, i, place, blocks, relaxation, multiplier, r, rhs, new, rows, matrices, counts
+):
+    """Solve block i for u = W_ii r_i + rhs from `new`, relax and write r_i; `rhs` becomes its change, whose square returns.
+
+    Its data are at `place` in the arrays `blocks`.
+    """
+    diagonal, b, local, laws = blocks
+    status = 0
+    if LOCAL == SECULAR:
+        multiplier[i] = solve_exact(S, place, local, rhs, laws, multiplier[i], new, rows[0], rows[1])
+    else:
+        status = solve_certified(
+            S, LOCAL, diagonal[place], local[place], rhs, b[place], laws[place], new, rows, matrices
+        )
+    if COUNT:
+        _count(S, LOCAL, diagonal[place], rhs, laws[place], new, status, rows[1], counts)
+    # An answer that fails its check is trusted half (Algorithm 4.1).
+    step = 0.5 * relaxation if status & FAILED else relaxation
+    if step != 1.0:
+        _relax(S, step, r[i], laws[place], new)
+    change = 0.0  # squared
+    for k in range(S):
+        rhs[k] = new[k] - r[i, k]
+        change += rhs[k] * rhs[k]
+        r[i, k] = new[k]
+    return change
+
+
 @cache
 def block_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool, JACOBI: bool, COUNT: bool) -> Kernel:
     """Kernel doing `sweeps` splitting sweeps on u = W r + b.
@@ -138,26 +169,10 @@ def block_sweeps(S: int, Q: int, LOCAL: int, PARALLEL: bool, JACOBI: bool, COUNT
                         if sleep[i] and not full:
                             continue
                         _right_hand_side(S, Q, i, matrix, diagonal, b, r, seen_r, seen_z, rhs, new)
-                        status = 0
-                        if LOCAL == SECULAR:
-                            multiplier[i] = solve_exact(
-                                S, i, local, rhs, laws, multiplier[i], new, rows[0], rows[1]
-                            )
-                        else:
-                            status = solve_certified(
-                                S, LOCAL, diagonal[i], local[i], rhs, b[i], laws[i], new, rows, matrices
-                            )
-                        if COUNT:
-                            _count(S, LOCAL, diagonal[i], rhs, laws[i], new, status, rows[1], counts[slot])
-                        # An answer that fails its check is trusted half (Algorithm 4.1).
-                        step = 0.5 * relaxation if status & FAILED else relaxation
-                        if step != 1.0:
-                            _relax(S, step, r[i], laws[i], new)
-                        change = 0.0  # squared
-                        for k in range(S):
-                            rhs[k] = new[k] - r[i, k]
-                            change += rhs[k] * rhs[k]
-                            r[i, k] = new[k]
+                        change = answer_block(
+                            S, LOCAL, COUNT, i, i, (diagonal, b, local, laws), relaxation, multiplier, r, rhs, new,
+                            rows, matrices, counts[slot],
+                        )  # fmt: skip
                         if Q > 0 and change > 0.0:
                             _spread_factored(S, Q, i, matrix, rhs, z)
                         if full:
@@ -200,6 +215,48 @@ def factored_products(S: int, Q: int, PARALLEL: bool) -> tuple[Kernel, Kernel]:
         return PARALLEL
 
     return spread, gather
+
+
+@njit(cache=True)
+def by_columns(indptr, indices, columns):
+    """Pointers per block column, then entry and block row of each of its blocks, in the order of the rows."""
+    pointers = np.zeros(columns + 1, np.int32)
+    for j in indices:
+        pointers[j + 1] += 1
+    for j in range(columns):
+        pointers[j + 1] += pointers[j]
+    place = pointers[:columns].copy()
+    entries, rows = np.empty(len(indices), np.int32), np.empty(len(indices), np.int32)
+    for i in range(len(indptr) - 1):
+        for e in range(indptr[i], indptr[i + 1]):
+            at = place[indices[e]]
+            entries[at], rows[at] = e, i
+            place[indices[e]] = at + 1
+    return pointers, entries, rows
+
+
+@cache
+def lumped_diagonal(S: int, Q: int, PARALLEL: bool) -> Kernel:
+    """Kernel of the diagonal blocks (n, S, S) of H M^-1 H^T, H in block rows (S x Q) and M^-1 a diagonal (columns, Q)."""
+
+    @njit(cache=True, error_model="numpy", parallel=PARALLEL)
+    def kernel(indptr, indices, data, inverse_mass, out):
+        for i in prange(len(indptr) - 1):
+            for a in range(S):
+                for b in range(S):
+                    out[i, a, b] = 0.0
+            for e in range(indptr[i], indptr[i + 1]):
+                for a in range(S):
+                    for b in range(a + 1):
+                        total = 0.0
+                        for c in range(Q):
+                            total += data[e, a, c] * inverse_mass[indices[e], c] * data[e, b, c]
+                        out[i, a, b] += total
+            for a in range(S):
+                for b in range(a):
+                    out[i, b, a] = out[i, a, b]
+
+    return kernel
 
 
 @njit(cache=True, error_model="numpy")

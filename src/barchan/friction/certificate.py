@@ -13,6 +13,7 @@ import scipy.sparse.linalg as spla
 
 from barchan.errors import InputError
 from barchan.friction.problem import Problem
+from barchan.linalg import transposed_product
 
 SMALLEST_REFERENCE = 1e-14
 
@@ -75,7 +76,7 @@ def _law_residual(problem: Problem, r: np.ndarray, u: np.ndarray) -> float:
 
 
 def _balance_residual(problem: Problem, r: np.ndarray, v: np.ndarray) -> float:
-    pull = problem.H.T @ r
+    pull = transposed_product(problem.H, r)
     gap = problem.M @ v - problem.f - pull
     if problem.C is not None:
         gap = gap - problem.C.T @ _multiplier(problem.C, gap)
@@ -99,7 +100,7 @@ def _multiplier(C: sp.csr_array, gap: np.ndarray) -> np.ndarray:
 
 def balanced_velocity(problem: Problem, r: np.ndarray) -> np.ndarray:
     """The velocities (m,) that satisfy balance (and bilateral rows) exactly for given forces r (n s,)."""
-    load = problem.f + problem.H.T @ r
+    load = problem.f + transposed_product(problem.H, r)
     if problem.C is None:
         return np.asarray(problem.factor.solve(load))
     return problem.saddle_solve(load, problem.k)

@@ -8,7 +8,7 @@ from os import PathLike
 import numpy as np
 import scipy.sparse as sp
 
-from barchan.cones import Coulomb, DruckerPrager, Law
+from barchan.cones import Coulomb, DruckerPrager, Law, RoundLaw
 from barchan.errors import InputError
 from barchan.friction.files import ProblemArrays, SolutionArrays, read_arrays, write_arrays
 from barchan.friction.problem import Problem
@@ -59,7 +59,11 @@ def _eliminated(arrays: ProblemArrays) -> tuple[np.ndarray, np.ndarray]:
 
 
 def arrays_of(problem: Problem, solution: Solution | None = None) -> ProblemArrays:
-    """The file arrays of a problem; InputError for a law with yield stresses, which no file format holds."""
+    """The file arrays of a problem; InputError for a law with yield stresses or facets, which no file format holds."""
+    if not isinstance(problem.law, RoundLaw):
+        raise InputError(
+            "law", type(problem.law).__name__, "Coulomb's or Drucker-Prager's: problem files know no facets"
+        )
     mu, shear, tension, dilatancy = problem.parameters.T.copy()
     if shear.any() or tension.any():
         raise InputError(

@@ -1,4 +1,6 @@
-"""The Delassus operator W = H M^-1 H^T in the three forms the solvers use: stored, factored by a lumped M, or by solves.
+"""The Delassus operator W = H M^-1 H^T in the forms the solvers use: stored, factored by a lumped M, or by solves.
+
+A lumped M comes in two forms: blocks of H as they are, and those of a continuum's strains by gradients (`gradient_form`).
 
 Seed B 2.3.1 (reduced formulation, eliminated bilateral constraints) and 3.4.3 (which form pays).
 """
@@ -15,13 +17,13 @@ import numpy as np
 import scipy.sparse as sp
 
 from barchan.errors import InputError
-from barchan.friction._kernels import block_rows_times, factored_products
+from barchan.friction._kernels import PARALLEL_ROWS, block_rows_times, by_columns, factored_products
+from barchan.friction.gradient_form import GradientDelassus, gradient_form
 from barchan.friction.problem import Problem
 from barchan.linalg import BlockRows, block_rows, diagonal_blocks_of_square
 
 OPERATORS = ("auto", "explicit", "matrix-free")
 LARGEST_DENSE_DELASSUS = 6000
-PARALLEL_ROWS = 1500
 
 
 class Delassus(Protocol):
@@ -66,10 +68,7 @@ class LumpedDelassus:
     @cached_property
     def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """G by columns: pointers per velocity block, then entry and block row of each of its blocks."""
-        order = np.argsort(self.g.indices, kind="stable").astype(np.int32)
-        row_of = np.repeat(np.arange(self.g.n, dtype=np.int32), np.diff(self.g.indptr))
-        counts = np.bincount(self.g.indices, minlength=self.g.columns)
-        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int32), order, row_of[order], self.g.data
+        return (*by_columns(self.g.indptr, self.g.indices, self.g.columns), self.g.data)
 
     @cached_property
     def _products(self) -> tuple[Callable[..., None], Callable[..., None]]:
@@ -172,9 +171,13 @@ def _product(problem: Problem) -> sp.sparray:
     return H @ inverse @ H.T
 
 
-def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus:
-    rows = problem.h_rows
-    root = np.sqrt(problem.factor.diagonal).reshape(-1, problem.velocity_block)  # type: ignore[arg-type]
+def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus | GradientDelassus:
+    rows, inverse_mass = problem.h_rows, problem.factor.diagonal
+    assert inverse_mass is not None
+    gradients = gradient_form(rows, inverse_mass, b, lambda: problem.diagonal_blocks)
+    if gradients is not None:
+        return gradients
+    root = np.sqrt(inverse_mass).reshape(-1, problem.velocity_block)
     data = np.ascontiguousarray(rows.data.transpose(0, 2, 1) * root[rows.indices][:, :, None])
     return LumpedDelassus(
         BlockRows(rows.indptr, rows.indices, data, rows.columns), b, problem.diagonal_blocks

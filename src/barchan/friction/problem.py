@@ -16,6 +16,7 @@ import scipy.sparse as sp
 
 from barchan.cones import Law
 from barchan.errors import InputError
+from barchan.friction._kernels import PARALLEL_ROWS, lumped_diagonal
 from barchan.linalg import (
     BlockRows,
     Factor,
@@ -63,11 +64,10 @@ def _matrix(name: str, value: Any) -> sp.sparray:
             raise InputError(name, f"array of shape {value.shape}", "a matrix")
     elif value.dtype.kind not in "biuf":
         raise InputError(name, f"sparse matrix of {value.dtype}", "real numbers")
-    matrix = sp.csr_array(value, dtype=float)
+    in_blocks = sp.issparse(value) and value.format == "bsr"
+    matrix = sp.bsr_array(value, dtype=float) if in_blocks else sp.csr_array(value, dtype=float)
     if not np.isfinite(matrix.data).all():
         raise InputError(name, "matrix with NaN or infinite entries", "finite")
-    if sp.issparse(value) and value.format == "bsr":
-        return sp.bsr_array(value)
     return matrix
 
 
@@ -300,10 +300,10 @@ class Problem:
 
     def _diagonal_blocks_of_lumped(self) -> np.ndarray:
         rows = self.h_rows
-        weight = self.factor.diagonal.reshape(-1, self.velocity_block)[rows.indices]  # type: ignore[union-attr]
-        products = np.einsum("eac,ec,ebc->eab", rows.data, weight, rows.data, optimize=True)
-        blocks = np.zeros((self.n, self.s, self.s))
-        np.add.at(blocks, np.repeat(np.arange(self.n), np.diff(rows.indptr)), products)
+        inverse_mass = np.asarray(self.factor.diagonal).reshape(-1, self.velocity_block)
+        blocks = np.empty((self.n, self.s, self.s))
+        kernel = lumped_diagonal(self.s, self.velocity_block, self.n >= PARALLEL_ROWS)
+        kernel(rows.indptr, rows.indices, rows.data, inverse_mass, blocks)
         return blocks
 
     @cached_property

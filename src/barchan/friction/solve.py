@@ -13,7 +13,7 @@ import numpy as np
 
 from barchan.errors import InputError
 from barchan.friction.existence import NONE, data_size, existence_of
-from barchan.friction.methods import METHODS
+from barchan.friction.methods import METHODS, Method, method_for
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Progress, Recorder, Solution, finish
 from barchan.linalg import one_blas_thread
@@ -24,7 +24,7 @@ DOUBTFUL = 1e3
 
 
 def methods() -> tuple[str, ...]:
-    """Names accepted by `solve(method=...)`."""
+    """Names accepted by `solve(method=...)`; for `FacetedCoulomb` these are "auto" and "faceted_gauss_seidel"."""
     return tuple(METHODS)
 
 
@@ -54,15 +54,14 @@ def solve(
 
     Raises
     ------
-    InputError : unknown method or option, tol <= 0, r0 of the wrong size or not finite.
+    InputError : unknown method or option, a method that does not solve the law, tol <= 0, r0 of the wrong size or not finite.
     """
-    if method not in methods():
-        raise InputError("method", method, "one of " + ", ".join(methods()))
+    chosen = method_for(problem.law, method)
     if not (math.isfinite(tol) and tol > 0.0):
         raise InputError("tol", tol, "finite and > 0")
     if max_iterations is not None and max_iterations < 0:
         raise InputError("max_iterations", max_iterations, ">= 0")
-    _check_options(method, options)
+    _check_options(method, chosen, options)
     start = _start(problem, r0)
     recorder = Recorder(SAFETY * tol, callback)
     with one_blas_thread():
@@ -70,7 +69,7 @@ def solve(
         if problem.n == 0 or (proof is not None and proof.verdict == NONE):
             recorder.record(0, 0.0 if problem.n == 0 else math.inf, start)
         else:
-            METHODS[method].run(problem, recorder, start, max_iterations=max_iterations, **options)
+            chosen.run(problem, recorder, start, max_iterations=max_iterations, **options)
         unlimited = method == "auto" and max_iterations is None
         if proof is None and _is_doubtful(problem, recorder, unlimited):
             proof = existence_of(problem)
@@ -101,8 +100,8 @@ def _start(problem: Problem, r0: np.ndarray | None) -> np.ndarray:
     return start.reshape(problem.n, problem.s)
 
 
-def _check_options(method: str, options: dict[str, Any]) -> None:
-    allowed = METHODS[method].options
+def _check_options(method: str, chosen: Method, options: dict[str, Any]) -> None:
+    allowed = chosen.options
     for name in options:
         if name not in allowed:
             known = "one of " + ", ".join(allowed) if allowed else "absent: this method has no options"

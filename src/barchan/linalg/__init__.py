@@ -1,6 +1,6 @@
 """Sparse linear algebra of the house: factorisations, block rows, colouring."""
 
-from barchan.linalg.blocks import BlockRows, block_rows, diagonal_blocks_of_square
+from barchan.linalg.blocks import BlockRows, block_rows, diagonal_blocks_of_square, transposed_product
 from barchan.linalg.colouring import Schedule, coloured_schedule, natural_schedule
 from barchan.linalg.delassus import delassus_diagonal, delassus_trace
 from barchan.linalg.factor import Factor, factorise
@@ -27,4 +27,5 @@ __all__ = [
     "one_blas_thread",
     "saddle_solver",
     "solver_for",
+    "transposed_product",
 ]

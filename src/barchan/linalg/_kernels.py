@@ -52,6 +52,19 @@ def fill_blocks(indptr, indices, values, s, q, columns, pointers):
 
 
 @njit(cache=True)
+def add_transposed_product(indptr, indices, data, r, out):
+    """out (columns, q) += transpose of the block rows times r (n, s)."""
+    for i in range(len(indptr) - 1):
+        for entry in range(indptr[i], indptr[i + 1]):
+            j = indices[entry]
+            for c in range(data.shape[2]):
+                total = 0.0
+                for k in range(data.shape[1]):
+                    total += data[entry, k, c] * r[i, k]
+                out[j, c] += total
+
+
+@njit(cache=True)
 def diagonal_of_blocks(indptr, indices, data, out):
     """out (n, s, s) = diagonal blocks (zero where none is stored)."""
     for i in range(len(indptr) - 1):

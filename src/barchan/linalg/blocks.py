@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from barchan.linalg._kernels import count_blocks, diagonal_of_blocks, fill_blocks
+from barchan.linalg._kernels import add_transposed_product, count_blocks, diagonal_of_blocks, fill_blocks
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,18 @@ class BlockRows:
 
 
 def block_rows(matrix: sp.sparray | sp.spmatrix | np.ndarray, s: int, q: int) -> BlockRows:
-    """Cut a (n s, c q) matrix into s x q blocks (blocks without entries dropped), sorted by column. Cost O(entries)."""
+    """Cut a (n s, c q) matrix into s x q blocks (blocks without entries dropped), sorted by column. Cost O(entries).
+
+    A BSR matrix of such blocks, sorted and without duplicates, shares its memory with the result.
+    """
     if _is_bsr(matrix, s, q):
-        bsr = sp.bsr_array(matrix, copy=True)
-        bsr.sum_duplicates()
+        bsr = sp.bsr_array(matrix)
+        if not bsr.has_canonical_format:
+            bsr = bsr.copy()
+            bsr.sum_duplicates()
         data = np.ascontiguousarray(bsr.data, dtype=float)
-        return BlockRows(bsr.indptr.astype(np.int32), bsr.indices.astype(np.int32), data, bsr.shape[1] // q)
+        indptr, indices = bsr.indptr.astype(np.int32, copy=False), bsr.indices.astype(np.int32, copy=False)
+        return BlockRows(indptr, indices, data, bsr.shape[1] // q)
     csr: Any = matrix if sp.issparse(matrix) and matrix.format == "csr" else sp.csr_array(matrix)  # type: ignore[union-attr]
     columns = csr.shape[1] // q
     pointers = count_blocks(csr.indptr, csr.indices, s, q, columns)
@@ -58,3 +64,14 @@ def diagonal_blocks_of_square(rows: BlockRows) -> np.ndarray:
     blocks = np.empty((rows.n, rows.data.shape[1], rows.data.shape[1]))
     diagonal_of_blocks(rows.indptr, rows.indices, rows.data, blocks)
     return blocks
+
+
+def transposed_product(matrix: sp.sparray, r: np.ndarray) -> np.ndarray:
+    """matrix^T r (m,) for r (rows,): without the copy of a BSR matrix that SciPy makes to transpose it."""
+    if matrix.format != "bsr":
+        return np.asarray(matrix.T @ r)
+    s, q = matrix.blocksize
+    out = np.zeros((matrix.shape[1] // q, q))
+    data, blocks = np.ascontiguousarray(matrix.data, dtype=float), np.ascontiguousarray(r, dtype=float)
+    add_transposed_product(matrix.indptr, matrix.indices, data, blocks.reshape(-1, s), out)
+    return out.reshape(-1)

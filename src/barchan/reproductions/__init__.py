@@ -28,6 +28,18 @@ NAMES = (
     "couette_levels",
     "couette_regularisation",
     "couette_strategies",
+    "heap_roundness",
+    "column_law",
+    "column_heights",
+    "anisotropy",
+    "column_profiles",
+    "zhu_bridson",
+    "silo_discharge",
+    "tower_cohesion",
+    "mpm_table",
+    "mpm_solvers",
+    "silo_p0",
+    "column_law_p0",
 )
 
 __all__ = ["NAMES", "Report", "Table", "Workshop", "reproduce", "title"]

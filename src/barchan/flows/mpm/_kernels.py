@@ -182,28 +182,19 @@ def gather_viscous_blocks(
 @njit(cache=True, parallel=True)
 def fill_strain_blocks(
     gradients: NDArray[np.float64],
-    linked: NDArray[np.bool_],
-    neighbours: NDArray[np.int32],
+    indices: NDArray[np.int32],
     tensor: NDArray[np.float64],
     free: NDArray[np.bool_],
-    indptr: NDArray[np.int32],
-    indices: NDArray[np.int32],
     data: NDArray[np.float64],
 ) -> None:
     """Blocks (s, d) of the strain operator: data = sum_k tensor[:, :, k] g_k, columns of constrained components zero."""
     s, d, _ = tensor.shape
-    for a in prange(linked.shape[0]):
-        entry = indptr[a]
-        for slot in range(linked.shape[1]):
-            if not linked[a, slot]:
-                continue
-            b = neighbours[a, slot]
-            indices[entry] = b
-            for row in range(s):
-                for column in range(d):
-                    total = 0.0
-                    if free[b, column]:
-                        for k in range(d):
-                            total += tensor[row, column, k] * gradients[a, slot, k]
-                    data[entry, row, column] = total
-            entry += 1
+    for entry in prange(indices.size):
+        b = indices[entry]
+        for row in range(s):
+            for column in range(d):
+                total = 0.0
+                if free[b, column]:
+                    for k in range(d):
+                        total += tensor[row, column, k] * gradients[entry, k]
+                data[entry, row, column] = total

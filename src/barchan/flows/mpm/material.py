@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from barchan.errors import InputError
 
+# What the faceted law knows nothing of.
+_WITHOUT_FACETS = ("cohesion", "shear_yield", "tensile_yield", "dilatancy", "anisotropy")
+
 
 @dataclass(frozen=True)
 class Material:
@@ -30,6 +33,15 @@ class Material:
     max_volume_fraction : phi_max in (0, 1].
     static_excess, static_shear_rate : loaded matter that shears slower than `static_shear_rate` [1/s] has its friction
         multiplied by 1 + `static_excess`: what has stopped takes a little more to start again. 0 (none) by default.
+    cohesion : c >= 0 [Pa], tension that matter in contact bears; the yield stress is mu (p + c) (seed B, Eq. 7.1-7.2).
+    cohesion_decay : xi >= 0; cohesion of deforming matter decays as dc/dt = -xi |D| c (seed B, 7.5.2).
+    shear_yield, tensile_yield : stresses >= 0 [Pa] borne besides, bounds of sqrt(J2) and of the tension as a pressure. Like
+        cohesion they hold in packed matter only (seed B, Remark 7.1), but do not decay.
+    dilatancy : 0 <= zeta <= friction: Tr D >= 2 zeta |Dev D| where matter yields; friction is the associated flow rule.
+    anisotropy : alpha in [0, 1), how much friction follows the orientation of flat grains (seed B, 7.4.2).
+    elongation : l in [0, 1], how fast these turn into the flow: (L/W - 1) / (L/W + 1).
+    faceted : bound each component of the deviatoric stress by mu p in the place of their norm (seed B, 7.1.1): not friction,
+        but the artefact of linearised cones, to be seen. Goes with no yield stress, cohesion, dilatancy or anisotropy.
     packing_tolerance : matter within this share of phi_max is packed and bears load, in [0, 1); with 0, the seed's sharp
         criterion, contacts open and close at every step where matter rests.
 
@@ -48,8 +60,18 @@ class Material:
     packing_tolerance: float = 0.02
     static_excess: float = 0.0
     static_shear_rate: float = 0.0
+    cohesion: float = 0.0
+    cohesion_decay: float = 0.0
+    shear_yield: float = 0.0
+    tensile_yield: float = 0.0
+    dilatancy: float = 0.0
+    anisotropy: float = 0.0
+    elongation: float = 0.9
+    faceted: bool = False
 
     def __post_init__(self) -> None:
+        if not isinstance(self.faceted, bool):
+            raise InputError("material.faceted", self.faceted, "true or false")
         positive = ("density", "inertial_reference", "max_volume_fraction")
         for field in fields(self):
             value = getattr(self, field.name)
@@ -60,10 +82,22 @@ class Material:
                 raise InputError(f"material.{field.name}", value, allowed) from None
             if not math.isfinite(number) or number < 0.0 or (number == 0.0 and field.name in positive):
                 raise InputError(f"material.{field.name}", value, allowed)
-        if self.packing_tolerance >= 1.0:
-            raise InputError("material.packing_tolerance", self.packing_tolerance, "below 1")
+        for name in ("packing_tolerance", "anisotropy"):
+            if getattr(self, name) >= 1.0:
+                raise InputError(f"material.{name}", getattr(self, name), "below 1")
+        if self.elongation > 1.0:
+            raise InputError("material.elongation", self.elongation, "at most 1")
+        if self.dilatancy > self.friction:
+            raise InputError("material.dilatancy", self.dilatancy, f"at most friction ({self.friction:g})")
+        if self.faceted:
+            refuse_with_facets(self)
         if self.max_volume_fraction > 1.0:
             raise InputError("material.max_volume_fraction", self.max_volume_fraction, "at most 1")
+
+    @property
+    def cohesive(self) -> bool:
+        """Whether matter in contact bears tension."""
+        return self.cohesion > 0.0 or self.tensile_yield > 0.0
 
     @property
     def rate_dependent(self) -> bool:
@@ -89,3 +123,11 @@ class Material:
         total = grain_speed + reference_speed
         share = np.divide(grain_speed, total, out=np.zeros_like(total), where=total > 0.0)
         return (self.friction + self.friction_increment * share) * factor
+
+
+def refuse_with_facets(material: Material) -> None:
+    """InputError for a property that a faceted material, or one that shares a scene with it, cannot have."""
+    for name in _WITHOUT_FACETS:
+        value = getattr(material, name)
+        if value > 0.0:
+            raise InputError(f"material.{name}", value, "0 where a material is faceted")

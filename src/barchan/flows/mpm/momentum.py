@@ -1,30 +1,32 @@
-"""One step's discrete Coulomb friction problem, from the matter on the grid (seed B, Eq. 7.21-7.23 and 7.3.5).
+"""One step's discrete Coulomb friction problem, from the matter on the grid (seed B, Eq. 7.21-7.24 and 7.3.5).
 
 Two steps: unconstrained velocities u* with inertia, gravity and Newtonian viscosity (7.22), then the frictional problem
-with the lumped mass alone (7.23), written for the total velocity: M v = M u* + H^T r, u = H v + k.
+with the lumped mass alone (7.23), written for the total velocity: M v = M u* + H^T r, u = H v + k. Free rigid bodies add
+their translation and rotation to v (7.24), in principal axes, so that M stays diagonal.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from barchan.cones import Coulomb, normalised_friction, tensor_block_size
-from barchan.errors import InputError
-from barchan.flows.mpm.assembly import (
-    compression_allowance,
-    strain_operator,
-    viscous_stiffness,
-    with_wall_rows,
-)
-from barchan.flows.mpm.material import Material
+from barchan.bodies.rigid import generalised_masses, predicted_velocities
+from barchan.cones import Coulomb, DruckerPrager, FacetedCoulomb, tensor_block_size
+from barchan.flows.mpm.assembly import compression_allowance, strain_operator
+from barchan.flows.mpm.contacts import Contacts, joined, wall_contacts, with_contact_rows
+from barchan.flows.mpm.material import Material, refuse_with_facets
+from barchan.flows.mpm.rheology import Rheology, rheology
+from barchan.flows.mpm.setting import Setting
 from barchan.flows.mpm.state import State
-from barchan.flows.mpm.transfer import GridMatter
-from barchan.flows.mpm.walls import WallContacts, Walls, free_components, wall_contacts
+from barchan.flows.mpm.stresses import StressRows, stress_rows
+from barchan.flows.mpm.transfer import GridMatter, particles_to_grid
+from barchan.flows.mpm.velocity import VelocityField, velocity_field
+from barchan.flows.mpm.viscosity import unconstrained_velocities
+from barchan.flows.mpm.walls import free_components
 from barchan.friction import Problem
 
 # Masses below this share of a full cell's are raised to it in M, which bounds the Delassus operator; velocities and
@@ -36,134 +38,157 @@ SMALLEST_MASS_SHARE = 1e-12
 class StepProblem:
     """The frictional problem of a step and what it was made from.
 
-    matter : the matter on the grid, n active nodes.
-    contacts : the k contacts with frictional walls.
-    problem : n + k blocks of size s; r in Pa, the first n blocks being contact stresses and the others wall tractions.
-    start : (n + k, s) warm start [Pa].
-    node_friction : (n,) physical friction coefficients.
-    masses : (n,) lumped masses [kg] (seed B, Eq. 7.16).
+    matter : the matter on the grid.  velocity : its n velocities.  rows : its q stresses.
+    contacts : the k contacts with walls and bodies.  rheology : the law of the rows.
+    problem : q + k blocks of size s; r in Pa, the first q blocks being contact stresses, multiplied by the metric where
+        friction is anisotropic, and the others tractions.
+    start : (q + k, s) warm start [Pa], as r.
     """
 
     matter: GridMatter
-    contacts: WallContacts
+    velocity: VelocityField
+    rows: StressRows
+    contacts: Contacts
+    rheology: Rheology
     problem: Problem
     start: NDArray[np.float64]
-    node_friction: NDArray[np.float64]
-    masses: NDArray[np.float64]
+
+    def stresses(self, r: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(q, s) contact stresses [Pa] of a solution r (q + k, s)."""
+        own = r[: len(self.rows.ids)]
+        if self.rheology.inverse_metric is None:
+            return own.copy()
+        return np.asarray(np.einsum("qst,qt->qs", self.rheology.inverse_metric, own))
 
 
-def build_step_problem(
-    matter: GridMatter,
-    state: State,
-    material: Material,
-    walls: Walls,
-    gravity: float,
-    dt: float,
-    viscous_tolerance: float,
-) -> StepProblem:
-    """Assemble the problem of a step of `dt` seconds from `matter`, the particles of `state` summed up on the grid.
+def build_step_problem(setting: Setting, state: State, dt: float, affine: bool) -> StepProblem:
+    """Assemble the problem of a step of `dt` seconds; `affine`: whether nodes see the particles' velocity gradients.
 
     Raises InputError when the viscous step does not converge (viscosity or time step out of any proportion).
     """
-    grid, nodes = matter.grid, matter.active.nodes
-    free = free_components(grid, walls, nodes)
-    strain = strain_operator(matter, free)
-    contacts = wall_contacts(grid, walls, nodes, matter.volumes)
-    start = warm_start(state, nodes, contacts)
-    friction = node_friction(matter, strain, material, start[: len(nodes)])
-    masses = material.density * matter.volumes
-    inertia = np.maximum(masses, SMALLEST_MASS_SHARE * material.density * grid.cell_volume) / dt
-    predicted = unconstrained_velocities(matter, material, free, inertia, gravity, dt, viscous_tolerance)
-    allowance = compression_allowance(matter, material, dt)
-    walls_at_rest = np.zeros((len(contacts.numbers), start.shape[1]))
-    diagonal = np.repeat(inertia, grid.dimension)
-    problem = Problem(
-        M=sp.dia_array((diagonal[None, :], [0]), shape=(len(diagonal), len(diagonal))),
-        f=diagonal * predicted.reshape(-1),
-        H=with_wall_rows(strain, contacts, free),
-        w=np.concatenate([allowance, walls_at_rest]).reshape(-1),
-        law=Coulomb(
-            np.concatenate([np.asarray(normalised_friction(friction, grid.dimension)), contacts.friction])
-        ),
-        block_size=start.shape[1],
-        reference_force=reference_stress(state, material, gravity) * float(np.sqrt(len(start))),
+    matter = particles_to_grid(setting.grid, state, affine=affine)
+    if setting.coupling is not None:
+        matter = replace(matter, free=setting.coupling.free_shares(state.bodies, matter.active.occupied))
+    velocity = velocity_field(matter, state, setting.basis, setting.densities(state), affine)
+    rows = stress_rows(setting.options.stress, matter, velocity, state)
+    contacts = _contacts(setting, velocity, state, dt)
+    free = free_components(setting.basis, setting.walls, velocity.ids)
+    start = warm_start(setting, state, rows, contacts)
+    material, count = setting.materials[0], len(rows.ids)
+    allowance = compression_allowance(rows, material.max_volume_fraction, material.packing_tolerance, dt)
+    plain = strain_operator(rows, free)
+    law = rheology(
+        rows, plain, velocity.velocities, state, setting.materials, start[:count], allowance[:, 0] == 0.0
     )
-    return StepProblem(matter, contacts, problem, start, friction, masses)
+    strain = plain
+    if law.metric is not None and law.inverse_metric is not None:
+        strain = strain_operator(rows, free, law.inverse_metric)
+        start[:count] = np.einsum("qst,qt->qs", law.metric, start[:count])
+    inertia, predicted = _inertia(setting, state, velocity, free, dt)
+    moving = setting.coupling.free if setting.coupling is not None else []
+    boundary = np.zeros((len(contacts), start.shape[1]))
+    boundary[:, : setting.grid.dimension] = contacts.velocities_of_boundary
+    problem = Problem(
+        M=sp.dia_array((inertia[None, :], [0]), shape=(len(inertia), len(inertia))),
+        f=inertia * predicted,
+        H=with_contact_rows(strain, contacts, free, len(moving)),
+        w=np.concatenate([allowance, boundary]).reshape(-1),
+        law=_law(law, contacts, setting.materials, setting.grid.dimension),
+        block_size=start.shape[1],
+        reference_force=reference_stress(setting, state) * float(np.sqrt(len(start))),
+    )
+    return StepProblem(matter, velocity, rows, contacts, law, problem, start)
 
 
-def reference_stress(state: State, material: Material, gravity: float) -> float:
+def reference_stress(setting: Setting, state: State) -> float:
     """The mean overburden [Pa]: rho phi_max g times the mean height of the matter above its lowest particle.
 
     Residuals are relative to it where stresses are smaller (seed B, 7.5.3 measures them by the typical stress rho g L):
     a falling block, without stress, needs no more accuracy than the same block at rest.
     """
-    return material.density * material.max_volume_fraction * gravity * mean_height(state)
+    density = float(np.sum(setting.masses(state)) / np.sum(state.volumes))
+    bulk = density * setting.materials[0].max_volume_fraction
+    return bulk * setting.weight * setting.mean_height(state)
 
 
-def mean_height(state: State) -> float:
-    """Height [m] of the centre of mass above the lowest particle."""
-    height = state.positions[:, -1]
-    return float(np.sum(state.volumes * height) / np.sum(state.volumes) - np.min(height))
-
-
-def unconstrained_velocities(
-    matter: GridMatter,
-    material: Material,
-    free: NDArray[np.bool_],
-    inertia: NDArray[np.float64],
-    gravity: float,
-    dt: float,
-    tolerance: float,
-) -> NDArray[np.float64]:
-    """u* (n, d) of (M / dt + A) u* = M u^{p->g} / dt + M g, by conjugate gradients (seed B, Eq. 7.22).
-
-    `inertia` (n,) is M / dt. Components that are not `free` (n, d) are zero. Without viscosity u* = u^{p->g} + dt g.
-    """
-    velocities = matter.velocities.copy()
-    velocities[:, -1] -= gravity * dt
-    velocities[~free] = 0.0
-    if material.viscosity == 0.0:
-        return velocities
-    stiffness = viscous_stiffness(matter, material.viscosity, free)
-    diagonal = np.repeat(inertia, matter.grid.dimension)
-    size = len(diagonal)
-    scale = 1.0 / (diagonal + stiffness.diagonal())
-    solution, info = spla.cg(
-        spla.LinearOperator((size, size), matvec=lambda x: diagonal * x + stiffness @ x, dtype=np.float64),
-        diagonal * velocities.reshape(-1),
-        x0=velocities.reshape(-1),
-        rtol=tolerance,
-        maxiter=10 * size,
-        M=spla.LinearOperator((size, size), matvec=lambda x: scale * x, dtype=np.float64),
-    )
-    if info != 0:
-        raise InputError(
-            "material.viscosity", material.viscosity, "small enough for the viscous step to be solvable"
+def warm_start(setting: Setting, state: State, rows: StressRows, contacts: Contacts) -> NDArray[np.float64]:
+    """(q + k, s) stresses of the last step, found again by name or carried with the particles; zero at new rows."""
+    d, options = state.dimension, setting.options
+    count = len(rows.ids)
+    start = np.zeros((count + len(contacts), tensor_block_size(d)))
+    if len(state.particle_stresses):
+        if options.stress == "particles":
+            start[:count] = state.particle_stresses
+        else:
+            start[:count] = rows.averages(state.volumes, state.particle_stresses)
+    else:
+        known, values = (
+            (state.node_ids, state.node_stresses)
+            if options.stress == "Q1"
+            else (state.stress_ids, state.stresses)
         )
-    return np.asarray(solution).reshape(velocities.shape)
-
-
-def node_friction(
-    matter: GridMatter, strain: sp.bsr_array, material: Material, stresses: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Physical mu(I) (n,) at the stress nodes, explicit: strain rate of u^{p->g}, pressure of `stresses` (n, s)."""
-    count, d = matter.velocities.shape
-    if not material.rate_dependent:
-        return np.full(count, material.friction)
-    rates = (strain @ matter.velocities.reshape(-1)).reshape(count, -1) / (2.0 * matter.volumes[:, None])
-    shear_rate = np.sqrt(np.sum(rates[:, 1:] ** 2, axis=1))
-    return material.friction_at(shear_rate, np.sqrt(2.0 / d) * stresses[:, 0])
-
-
-def warm_start(state: State, nodes: NDArray[np.int64], contacts: WallContacts) -> NDArray[np.float64]:
-    """(n + k, s) stresses of the last step, found again by node and by wall contact; zero at new ones."""
-    d = state.dimension
-    start = np.zeros((len(nodes) + len(contacts.keys), tensor_block_size(d)))
-    here, before = _matches(nodes, state.node_ids)
-    start[here] = state.node_stresses[before]
-    here, before = _matches(contacts.keys, state.wall_keys)
-    start[len(nodes) + here, :d] = state.wall_tractions[before]
+        here, before = _matches(rows.ids, known)
+        start[here] = values[before]
+    here, before = _matches(contacts.keys, state.contact_keys)
+    start[count + here, :d] = state.contact_tractions[before]
     return start
+
+
+def _contacts(setting: Setting, velocity: VelocityField, state: State, dt: float) -> Contacts:
+    parts = [wall_contacts(velocity, setting.walls, _volumes(setting, velocity, state))]
+    if setting.coupling is not None:
+        parts += setting.coupling.contacts(state.bodies, velocity, dt, state.time)
+    return joined(parts, setting.grid.dimension)
+
+
+def _volumes(setting: Setting, velocity: VelocityField, state: State) -> NDArray[np.float64]:
+    """(n,) volumes of matter at the velocity functions, from their masses and the mean density."""
+    if setting.basis.name == "Q1":
+        return velocity.matter.volumes
+    return np.asarray(velocity.masses * float(np.sum(state.volumes) / np.sum(setting.masses(state))))
+
+
+def _inertia(
+    setting: Setting, state: State, velocity: VelocityField, free: NDArray[np.bool_], dt: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Diagonal of M [kg/s] and velocities without friction, of the matter and then of the free bodies."""
+    options, d = setting.options, setting.grid.dimension
+    heaviest = max(material.density for material in setting.materials)
+    inertia = np.maximum(velocity.masses, SMALLEST_MASS_SHARE * heaviest * setting.grid.cell_volume) / dt
+    etas = np.array([material.viscosity for material in setting.materials])
+    viscosity = float(etas[0]) if len(etas) == 1 else etas[state.materials]
+    predicted = unconstrained_velocities(
+        velocity, viscosity, state.volumes, free, inertia, setting.gravity, dt, options.viscous_tolerance
+    )
+    masses, velocities = [np.repeat(inertia, d)], [predicted.reshape(-1)]
+    for number in setting.coupling.free if setting.coupling is not None else []:
+        body, row = setting.bodies[number], state.bodies.row(number)
+        own = generalised_masses(body, row).reshape(-1)
+        # Components that are held have no columns in H: any mass will do.
+        masses.append(np.where(np.isinf(own), 1.0, own) / dt)
+        velocities.append(predicted_velocities(body, row, setting.gravity, dt, state.time).reshape(-1))
+    return np.concatenate(masses), np.concatenate(velocities)
+
+
+def _law(
+    law: Rheology, contacts: Contacts, materials: Sequence[Material], d: int
+) -> Coulomb | DruckerPrager | FacetedCoulomb:
+    """The law of the rows and of the contacts; faceted where any material is, at contacts too."""
+    mu, shear, tensile, dilatancy = law.law_parameters(d)
+    friction = np.concatenate([mu, contacts.friction])
+    if any(material.faceted for material in materials):
+        for material in materials:
+            refuse_with_facets(material)
+        return FacetedCoulomb(friction)
+    if not (np.any(shear) or np.any(tensile) or np.any(dilatancy)):
+        return Coulomb(friction)
+    none = np.zeros(len(contacts))
+    return DruckerPrager(
+        friction,
+        np.concatenate([shear, none]),
+        np.concatenate([tensile, none]),
+        np.concatenate([dilatancy, none]),
+    )
 
 
 def _matches(

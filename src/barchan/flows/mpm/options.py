@@ -8,7 +8,11 @@ from numbers import Integral
 from typing import Literal
 
 from barchan.errors import InputError
+from barchan.flows.mpm.bases import VELOCITIES
+from barchan.flows.mpm.resampling import Resampling
 from barchan.friction import methods
+
+STRESSES = ("Q1", "Q1d", "P1", "P1d", "particles")
 
 
 @dataclass(frozen=True)
@@ -27,8 +31,15 @@ class Options:
         them matter at rest creeps, because the same small imbalance acts in every step.
     method : "gauss_seidel", or any other name of `barchan.friction.methods()`.
     cfl : largest number of cells a particle crosses in one substep of its move.
-    transfer : "apic" carries velocity gradients on the particles, "pic" does not (more dissipative; seed B, 5.2.4). Steps
+    velocity : basis of the velocities: "Q1" multilinear, "P1" linear on simplices, "B2" quadratic splines (`bases`).
+    stress : space of the stresses: "Q1", "Q1d", "P1", "P1d" or "particles" (`stresses`). Not all pairs hold a bed at rest.
+    transfer : "apic" carries velocity gradients on the particles, "pic" does not (more dissipative; seed B, 5.2.4), "flip"
+        adds the change of the grid's velocity to the particle's own, `flip_share` of it, the rest being PIC. Steps
         that begin nearly at rest, as above, are PIC steps always: energy then decreases strictly.
+    warm_start : where the stresses of the last step are kept: on the "grid", or carried along with the "particles".
+    multilevel : start steps that have no stresses before them from those of a coarser grid, and so on (`multilevel`).
+    grains : passive grains sampled in the frame of each particle and carried along, for pictures (seed B, 7.3.2).
+    resampling : splits and merges of the particles (`resampling`), None for none.
     volume_correction : share of the excess volume at a node that a shift of the particles removes each step, 0 (none) to 1;
         see `volume`. Without it volume fractions drift above the maximum where matter tumbles (seed B, 7.5.4).
     viscous_tolerance : relative residual of the conjugate gradients of the viscous step (seed B, Eq. 7.22).
@@ -44,7 +55,14 @@ class Options:
     min_sweeps: int = 5
     method: str = "auto"
     cfl: float = 0.5
-    transfer: Literal["apic", "pic"] = "apic"
+    velocity: Literal["Q1", "P1", "B2"] = "Q1"
+    stress: Literal["Q1", "Q1d", "P1", "P1d", "particles"] = "Q1"
+    transfer: Literal["apic", "pic", "flip"] = "apic"
+    flip_share: float = 0.95
+    warm_start: Literal["grid", "particles"] = "grid"
+    multilevel: bool = True
+    grains: int = 0
+    resampling: Resampling | None = None
     volume_correction: float = 0.3
     viscous_tolerance: float = 1e-10
 
@@ -53,13 +71,22 @@ class Options:
             value = getattr(self, name)
             if not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0.0:
                 raise InputError(f"options.{name}", value, "a finite number > 0")
-        for name, least in (("max_sweeps", 1), ("min_sweeps", 0)):
+        for name, least in (("max_sweeps", 1), ("min_sweeps", 0), ("grains", 0)):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
                 raise InputError(f"options.{name}", value, f"a whole number >= {least}")
-        if not isinstance(self.volume_correction, (int, float)) or not 0.0 <= self.volume_correction <= 1.0:
-            raise InputError("options.volume_correction", self.volume_correction, "a number from 0 to 1")
-        if self.transfer not in ("apic", "pic"):
-            raise InputError("options.transfer", self.transfer, "apic or pic")
+        for name in ("volume_correction", "flip_share"):
+            value = getattr(self, name)
+            if not isinstance(value, (int, float)) or not 0.0 <= value <= 1.0:
+                raise InputError(f"options.{name}", value, "a number from 0 to 1")
+        choices = {
+            "velocity": VELOCITIES,
+            "stress": STRESSES,
+            "transfer": ("apic", "pic", "flip"),
+            "warm_start": ("grid", "particles"),
+        }
+        for name, known in choices.items():
+            if getattr(self, name) not in known:
+                raise InputError(f"options.{name}", getattr(self, name), "one of " + ", ".join(known))
         if self.method not in methods():
             raise InputError("options.method", self.method, "one of " + ", ".join(methods()))

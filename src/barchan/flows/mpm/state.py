@@ -11,7 +11,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from barchan.bodies.rigid import BodyStates
 from barchan.errors import InputError
+
+PARTICLE_OPTIONS = ("frames", "materials", "cohesions", "orientations", "particle_stresses")
+INTEGERS: dict[str, type] = {
+    "node_ids": np.int64, "contact_keys": np.int64, "stress_ids": np.int64, "grain_owners": np.int64, "materials": np.int32,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +32,24 @@ class State:
     volumes : (P,) [m^d]; constant in time.
     node_ids : (n,) int64 flat grid ids of the nodes active in the last step, increasing; empty before the first step.
     node_velocities : (n, d) [m/s] solution of the last step, at its nodes.
-    node_stresses : (n, s) [Pa] contact stress lambda, chi coordinates, compression positive (s = 3 in 2D, 6 in 3D).
-    node_volume_fractions : (n,) volume fractions at the stress nodes when the last step began.
+    node_stresses : (n, s) [Pa] contact stress lambda, chi coordinates, compression positive (s = 3 in 2D, 6 in 3D); of
+        other than multilinear stresses, their means around the nodes.
+    node_volume_fractions : (n,) volume fractions at the nodes when the last step began.
     node_friction : (n,) physical friction coefficients the last step used.
-    wall_keys : (k,) int64 `node id * 2 d + face`, faces ordered x_min, x_max, ..., z_max: contacts with frictional walls.
-    wall_tractions : (k, d) [Pa] (normal, tangents), compression positive.
+    contact_keys : (k,) int64 names of the contacts with frictional walls (`id * 2 d + face`, faces ordered x_min, x_max, ...,
+        z_max) and bodies (negative).
+    contact_tractions : (k, d) [Pa] on the matter (normal, tangents), compression positive.
+
+    What only some simulations have, of length 0 in the others:
+
+    frames : (P, d, d) F_p [m^2] of the ellipsoids that particles stand for (seed B, Eq. 7.20).
+    materials : (P,) int32 number of each particle's material.
+    cohesions : (P,) share of the cohesion that is left.
+    orientations : (P, d, d) second moments of the grains' normals (seed B, 7.4.2).
+    particle_stresses : (P, s) [Pa] stresses carried with the particles.
+    stress_ids, stresses : (q,) int64 names and (q, s) [Pa] stresses of spaces other than the multilinear one.
+    grain_positions, grain_owners : (G, d) [m] passive grains for pictures, and (G,) int64 whose particle each belongs to.
+    bodies : positions, rotations and velocities of the rigid bodies.
     """
 
     time: float
@@ -44,8 +63,18 @@ class State:
     node_stresses: NDArray[np.float64]
     node_volume_fractions: NDArray[np.float64]
     node_friction: NDArray[np.float64]
-    wall_keys: NDArray[np.int64]
-    wall_tractions: NDArray[np.float64]
+    contact_keys: NDArray[np.int64]
+    contact_tractions: NDArray[np.float64]
+    frames: NDArray[np.float64]
+    materials: NDArray[np.int32]
+    cohesions: NDArray[np.float64]
+    orientations: NDArray[np.float64]
+    particle_stresses: NDArray[np.float64]
+    stress_ids: NDArray[np.int64]
+    stresses: NDArray[np.float64]
+    grain_positions: NDArray[np.float64]
+    grain_owners: NDArray[np.int64]
+    bodies: BodyStates
 
     def __post_init__(self) -> None:
         """Check shapes and finiteness; InputError names the field."""
@@ -55,7 +84,8 @@ class State:
             )
         for name, shape in self._shapes().items():
             value = np.asarray(getattr(self, name))
-            if value.shape != shape:
+            optional = name in PARTICLE_OPTIONS and len(value) == 0
+            if value.shape != ((0, *shape[1:]) if optional else shape):
                 raise InputError(f"state.{name}", value.shape, f"an array of shape {shape}")
             if not np.all(np.isfinite(value)):
                 raise InputError(f"state.{name}", "an array with NaN or infinite entries", "finite")
@@ -68,7 +98,12 @@ class State:
 
     def _shapes(self) -> dict[str, tuple[int, ...]]:
         count, d = self.positions.shape
-        nodes, contacts = np.size(self.node_ids), np.size(self.wall_keys)
+        nodes, contacts, stresses = (
+            np.size(self.node_ids),
+            np.size(self.contact_keys),
+            np.size(self.stress_ids),
+        )
+        size = d * (d + 1) // 2
         return {
             "positions": (count, d),
             "velocities": (count, d),
@@ -76,11 +111,20 @@ class State:
             "volumes": (count,),
             "node_ids": (nodes,),
             "node_velocities": (nodes, d),
-            "node_stresses": (nodes, d * (d + 1) // 2),
+            "node_stresses": (nodes, size),
             "node_volume_fractions": (nodes,),
             "node_friction": (nodes,),
-            "wall_keys": (contacts,),
-            "wall_tractions": (contacts, d),
+            "contact_keys": (contacts,),
+            "contact_tractions": (contacts, d),
+            "frames": (count, d, d),
+            "materials": (count,),
+            "cohesions": (count,),
+            "orientations": (count, d, d),
+            "particle_stresses": (count, size),
+            "stress_ids": (stresses,),
+            "stresses": (stresses, size),
+            "grain_positions": (np.size(self.grain_owners), d),
+            "grain_owners": (np.size(self.grain_owners),),
         }
 
     @property
@@ -109,20 +153,35 @@ class State:
             np.zeros((count, d)) if velocities is None else np.array(velocities, dtype=np.float64, order="C")
         )
         none, ids = np.zeros(0), np.zeros(0, dtype=np.int64)
+        square, stress = np.zeros((0, d, d)), np.zeros((0, d * (d + 1) // 2))
         return cls(
             0.0, 0, points, speeds, np.zeros((count, d, d)), np.array(volumes, dtype=np.float64), ids,
-            np.zeros((0, d)), np.zeros((0, d * (d + 1) // 2)), none, none, ids, np.zeros((0, d)),
+            np.zeros((0, d)), stress, none, none, ids, np.zeros((0, d)), square, np.zeros(0, dtype=np.int32), none,
+            square, stress, ids, stress, np.zeros((0, d)), ids, BodyStates.none(d),
         )  # fmt: skip
+
+    def particle_fields(self) -> dict[str, NDArray[np.generic]]:
+        """Every field that has one row per particle in this simulation."""
+        fields_of_all = ("positions", "velocities", "affine", "volumes")
+        given = [name for name in PARTICLE_OPTIONS if len(getattr(self, name))]
+        return {name: getattr(self, name) for name in (*fields_of_all, *given)}
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Every field as an array (numbers as 0-d arrays): all that `from_arrays` needs, for checkpoints."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+        own = {
+            field.name: np.asarray(getattr(self, field.name))
+            for field in fields(self)
+            if field.name != "bodies"
+        }
+        return own | {f"bodies_{name}": array for name, array in self.bodies.arrays().items()}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, NDArray[np.generic]]) -> State:
         """State from the arrays of `arrays()`; InputError names a missing field or one of the wrong shape."""
         values: dict[str, object] = {}
         for field in fields(cls):
+            if field.name == "bodies":
+                continue
             if field.name not in arrays:
                 raise InputError(f"state.{field.name}", "missing", "given")
             value = np.asarray(arrays[field.name])
@@ -131,8 +190,14 @@ class State:
                     raise InputError(f"state.{field.name}", value.shape, "a single number")
                 values[field.name] = float(value) if field.name == "time" else int(value)
             else:
-                integer = field.name in ("node_ids", "wall_keys")
-                values[field.name] = np.ascontiguousarray(value, dtype=np.int64 if integer else np.float64)
+                kind = INTEGERS.get(field.name, np.float64)
+                values[field.name] = np.ascontiguousarray(value, dtype=kind)
+        bodies = {
+            name.removeprefix("bodies_"): array
+            for name, array in arrays.items()
+            if name.startswith("bodies_")
+        }
+        values["bodies"] = BodyStates.from_arrays(bodies)
         return cls(**values)  # type: ignore[arg-type]
 
 
@@ -147,9 +212,9 @@ class StepRecord:
     kinetic_energy : sum_i m_i |u_i|^2 / 2 over the grid at the end of the solve [J] (per metre of depth in the plane).
     potential_energy : sum_p m_p g z_p after the move, z_p the height above the floor of the box [J].
     max_speed : largest particle speed [m/s].
-    max_volume_fraction : largest volume fraction at a stress node, when the step began.
-    total_volume : sum of the particle volumes [m^d].
-    active_nodes, blocks : nodes of occupied cells; blocks of the friction problem (with those of frictional walls).
+    max_volume_fraction : largest volume fraction at a node, when the step began.
+    total_volume : sum of the particle volumes [m^d].  particles : their number.
+    active_nodes, blocks : nodes of occupied cells; blocks of the friction problem (with those of walls and bodies).
     move_substeps : number of substeps of the particle move.
     """
 
@@ -166,6 +231,7 @@ class StepRecord:
     max_speed: float
     max_volume_fraction: float
     total_volume: float
+    particles: int
     active_nodes: int
     blocks: int
     move_substeps: int

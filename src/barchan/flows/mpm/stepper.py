@@ -14,19 +14,25 @@ steps. The kinetic energy of the particles alone, which lacks the affine part, o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from barchan.bodies.rigid import Body
 from barchan.errors import InputError
+from barchan.flows.mpm.coupling import Coupling
 from barchan.flows.mpm.material import Material
-from barchan.flows.mpm.momentum import StepProblem, build_step_problem, mean_height
+from barchan.flows.mpm.momentum import StepProblem, build_step_problem
+from barchan.flows.mpm.multilevel import coarse_start
 from barchan.flows.mpm.options import Options
+from barchan.flows.mpm.particles import follow_flow, started
+from barchan.flows.mpm.setting import Setting, checked_materials, gravity_vector
 from barchan.flows.mpm.state import State, StepRecord
 from barchan.flows.mpm.threads import threads_for
-from barchan.flows.mpm.transfer import grid_to_particles, move_particles, particles_to_grid, substeps_needed
 from barchan.flows.mpm.volume import volume_shift, within_energy
 from barchan.flows.mpm.walls import Walls
 from barchan.friction import Problem, Solution, solve
@@ -38,37 +44,53 @@ REST_SPEED = 0.02
 
 @dataclass(frozen=True)
 class Stepper:
-    """Advances states of one material in one box. Holds no state: the same state and dt give the same bytes.
+    """Advances states of matter in a box, with rigid bodies in it. Holds no state: the same state and dt give the same bytes.
 
     Parameters
     ----------
     grid : the background grid.
-    material, walls, options : see `Material`, `Walls`, `Options`.
-    gravity : [m/s^2], >= 0, acting downwards along the last axis.
+    material : one, or several, numbered by `State.materials`.
+    walls, options : see `Walls`, `Options`.
+    gravity : [m/s^2], a number >= 0, acting downwards along the last axis, or a vector (d,).
+    bodies : rigid bodies, free, prescribed or fixed (`barchan.bodies.rigid`).
 
     Raises
     ------
-    InputError : for a negative or non-finite gravity, or walls that a plane box does not have.
+    InputError : for a gravity that is negative or not finite, walls that a plane box does not have, materials that differ
+        in what must be shared, an option that does not fit another.
     """
 
     grid: RegularGrid
-    material: Material
+    material: Material | Sequence[Material]
     walls: Walls
-    gravity: float = 9.81
+    gravity: ArrayLike = 9.81
     options: Options = field(default_factory=Options)
+    bodies: Sequence[Body] = ()
 
     def __post_init__(self) -> None:
-        if (
-            not isinstance(self.gravity, (int, float))
-            or not math.isfinite(self.gravity)
-            or self.gravity < 0.0
-        ):
-            raise InputError("gravity", self.gravity, "a finite number >= 0 (m/s^2, downwards)")
         self.walls.on(self.grid.dimension)
+        assert self.setting is not None
+
+    @cached_property
+    def setting(self) -> Setting:
+        """What stays the same from step to step."""
+        return Setting(
+            self.grid,
+            checked_materials(self.material),
+            self.walls,
+            gravity_vector(self.gravity, self.grid.dimension),
+            self.options,
+            tuple(self.bodies),
+            Coupling(self.grid, tuple(self.bodies)) if len(self.bodies) else None,
+        )
 
     def problem(self, state: State, dt: float) -> Problem:
         """The discrete Coulomb friction problem of a step of `dt` seconds: to be saved, or solved by other means."""
-        return self._build(state, dt).problem
+        return self._build(self.started(state), dt).problem
+
+    def started(self, state: State) -> State:
+        """A first state completed by what this simulation keeps: frames, orientations, bodies and so on."""
+        return started(self.setting, state) if state.step == 0 else state
 
     def advance(self, state: State, dt: float) -> tuple[State, StepRecord]:
         """State after one step of `dt` seconds, and its record.
@@ -79,11 +101,31 @@ class Stepper:
         ------
         InputError : for dt that is not finite and positive, a state of another dimension, particles outside the box.
         """
-        step = self._build(state, dt)
+        before = self.started(state)
+        step = self._build(before, dt)
+        solution = self._solve(before, step)
+        assert solution.v is not None  # a full problem always has velocities
+        count = len(step.velocity.ids)
+        blocks = solution.v.reshape(-1, self.grid.dimension)
+        forces = solution.r.reshape(len(step.start), -1)
+        bodies = before.bodies
+        if self.setting.coupling is not None:
+            moving = blocks[count:].reshape(-1, 2, self.grid.dimension)
+            bodies = self.setting.coupling.moved(bodies, moving, dt, before.time)
+        with threads_for(before.particle_count):
+            shift = self._shift(step, solution, dt)
+            after, substeps = follow_flow(
+                self.setting, before, step, blocks[:count], shift, dt,
+                self._rests(before), step.stresses(forces), bodies,
+            )  # fmt: skip
+        after = replace(after, **self._kept(step, forces, blocks[:count]))
+        return after, self._record(after, dt, step, solution, blocks[:count], substeps)
+
+    def _solve(self, state: State, step: StepProblem) -> Solution:
         choices: dict[str, Any] = {}
         if self.options.method in ("auto", "gauss_seidel"):
             choices["min_iterations"] = self.options.min_sweeps
-        solution = solve(
+        return solve(
             step.problem,
             method=self.options.method,
             tol=self._tolerance(state),
@@ -91,33 +133,6 @@ class Stepper:
             max_iterations=self.options.max_sweeps,
             **choices,
         )
-        assert solution.v is not None  # a full problem always has velocities
-        node_velocities = solution.v.reshape(step.matter.velocities.shape)
-        with threads_for(state.particle_count):
-            velocities, affine = grid_to_particles(step.matter, node_velocities, state.positions)
-            substeps = substeps_needed(step.matter, node_velocities, dt, self.options.cfl)
-            shift = self._shift(step, node_velocities, dt)
-            positions = move_particles(
-                step.matter, node_velocities, state.positions, velocities, dt, substeps, shift
-            )
-        count = len(step.masses)
-        forces = solution.r.reshape(len(step.start), -1)
-        after = State(
-            time=state.time + dt,
-            step=state.step + 1,
-            positions=positions,
-            velocities=velocities,
-            affine=affine,
-            volumes=state.volumes,
-            node_ids=step.matter.active.nodes,
-            node_velocities=node_velocities,
-            node_stresses=forces[:count].copy(),
-            node_volume_fractions=step.matter.volume_fractions,
-            node_friction=step.node_friction,
-            wall_keys=step.contacts.keys,
-            wall_tractions=forces[count:, : self.grid.dimension].copy(),
-        )
-        return after, self._record(after, dt, step, solution, substeps)
 
     def _build(self, state: State, dt: float) -> StepProblem:
         if not math.isfinite(dt) or dt <= 0.0:
@@ -126,12 +141,14 @@ class Stepper:
             raise InputError(
                 "state", f"{state.dimension}D", f"of the dimension of the grid ({self.grid.dimension})"
             )
-        affine = self.options.transfer == "apic" and not self._rests(state)
         with threads_for(state.particle_count):
-            matter = particles_to_grid(self.grid, state, affine=affine)
-            return build_step_problem(
-                matter, state, self.material, self.walls, self.gravity, dt, self.options.viscous_tolerance
-            )
+            step = build_step_problem(self.setting, state, dt, self._affine(state))
+            if self.options.multilevel and state.step == 0 and not np.any(step.start):
+                coarse_start(self.setting, state, dt, step)
+        return step
+
+    def _affine(self, state: State) -> bool:
+        return self.options.transfer == "apic" and not self._rests(state)
 
     def _rests(self, state: State) -> bool:
         """Whether every particle is slower than REST_SPEED sqrt(g H), H being twice the mean height of the matter.
@@ -141,7 +158,7 @@ class Stepper:
         if state.step == 0:
             return False
         fastest = float(np.max(np.sum(state.velocities**2, axis=1)))
-        return fastest < REST_SPEED**2 * 2.0 * self.gravity * mean_height(state)
+        return fastest < REST_SPEED**2 * 2.0 * self.setting.weight * self.setting.mean_height(state)
 
     def _tolerance(self, state: State) -> float:
         """The tolerance of a step from `state`: stricter when everything nearly rests."""
@@ -149,30 +166,67 @@ class Stepper:
             return min(self.options.tolerance, self.options.rest_tolerance)
         return self.options.tolerance
 
-    def _shift(
-        self, step: StepProblem, node_velocities: NDArray[np.float64], dt: float
-    ) -> NDArray[np.float64] | None:
-        """Correction of excess volume (n, d) [m], within the energy dissipated by the contact stresses of the step."""
-        if self.options.volume_correction == 0.0:
+    def _shift(self, step: StepProblem, solution: Solution, dt: float) -> NDArray[np.float64] | None:
+        """Correction of excess volume (n, d) [m], within the energy dissipated by the contact stresses of the step.
+
+        Made for multilinear velocities. What it would push into a body is put on its surface again.
+        """
+        if self.options.volume_correction == 0.0 or self.options.velocity != "Q1":
             return None
-        flat = node_velocities.reshape(-1)
-        contact_forces = step.problem.M.diagonal() * flat - step.problem.f
-        dissipated = -dt * float(np.sum(contact_forces * flat))
+        assert solution.v is not None
+        masses, d = step.velocity.masses, self.grid.dimension
+        size = len(masses) * d
+        contact_forces = step.problem.M.diagonal()[:size] * solution.v[:size] - step.problem.f[:size]
+        dissipated = -dt * float(np.sum(contact_forces * solution.v[:size]))
         shift = volume_shift(
             step.matter,
-            node_velocities,
+            solution.v[:size].reshape(-1, d),
             dt,
-            self.material.max_volume_fraction,
+            self.setting.materials[0].max_volume_fraction,
             self.options.volume_correction,
         )
-        return within_energy(shift, step.masses, self.gravity, dissipated)
+        return within_energy(shift, masses, self.setting.gravity, dissipated)
+
+    def _kept(
+        self, step: StepProblem, forces: NDArray[np.float64], velocities: NDArray[np.float64]
+    ) -> dict[str, Any]:
+        """What the last step leaves on the grid."""
+        count, nodes = len(step.rows.ids), step.matter.active.nodes
+        stresses, friction = step.stresses(forces), step.rheology.friction
+        own: dict[str, NDArray[Any]] = {"stress_ids": nodes[:0], "stresses": stresses[:0]}
+        if self.options.stress == "Q1":
+            at_nodes = np.zeros((len(nodes), stresses.shape[1] + 1))
+            at_nodes[np.searchsorted(nodes, step.rows.ids)] = np.column_stack([stresses, friction])
+        else:
+            at_nodes = step.rows.node_means(step.matter, np.column_stack([stresses, friction]))
+            if self.options.stress != "particles" and self.options.warm_start == "grid":
+                own = {"stress_ids": step.rows.ids, "stresses": stresses}
+        if self.options.velocity != "Q1":
+            velocities = step.velocity.at_nodes(velocities)
+        return {
+            "node_ids": nodes,
+            "node_velocities": velocities,
+            "node_stresses": np.ascontiguousarray(at_nodes[:, :-1]),
+            "node_friction": at_nodes[:, -1].copy(),
+            "node_volume_fractions": step.matter.volume_fractions,
+            "contact_keys": step.contacts.keys,
+            "contact_tractions": forces[count:, : self.grid.dimension].copy(),
+            **own,
+        }
 
     def _record(
-        self, state: State, dt: float, step: StepProblem, solution: Solution, substeps: int
+        self,
+        state: State,
+        dt: float,
+        step: StepProblem,
+        solution: Solution,
+        velocities: NDArray[np.float64],
+        substeps: int,
     ) -> StepRecord:
-        speed_squared: NDArray[np.float64] = np.sum(state.node_velocities**2, axis=1)
-        heights = state.positions[:, -1] - self.grid.origin[-1]
         certificate = solution.certificate
+        above = (state.positions - self.grid.origin) @ self.setting.gravity
+        masses = self.setting.masses(state)
+        squares = np.sum(state.velocities**2, axis=1)
         return StepRecord(
             step=state.step,
             time=state.time,
@@ -182,12 +236,13 @@ class Stepper:
             law_residual=certificate.law,
             balance_residual=certificate.balance,
             converged=certificate.residual <= self.options.tolerance,
-            kinetic_energy=float(0.5 * np.sum(step.masses * speed_squared)),
-            potential_energy=float(self.material.density * self.gravity * np.sum(state.volumes * heights)),
-            max_speed=float(np.sqrt(np.max(np.sum(state.velocities**2, axis=1)))),
+            kinetic_energy=float(0.5 * np.sum(step.velocity.masses * np.sum(velocities**2, axis=1))),
+            potential_energy=-float(np.sum(masses * above)),
+            max_speed=float(np.sqrt(np.max(squares))),
             max_volume_fraction=float(np.max(state.node_volume_fractions)),
             total_volume=float(np.sum(state.volumes)),
-            active_nodes=len(state.node_ids),
+            particles=state.particle_count,
+            active_nodes=len(step.velocity.ids),
             blocks=len(step.start),
             move_substeps=substeps,
         )

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from barchan.flows.mpm._kernels import gather_gradients, gather_nodes, sum_cells
 from barchan.flows.mpm._motion import grid_to_particles as _grid_to_particles
 from barchan.flows.mpm._motion import move_particles as _move_particles
+from barchan.flows.mpm.bases import corner_shares
 from barchan.flows.mpm.state import State
 from barchan.flows.mpm.stencil import NodeStencil, moment_tables, node_stencil
 from barchan.spaces import ActiveCells, RegularGrid, sort_particles
@@ -29,8 +30,10 @@ class GridMatter:
     grid, active, stencil : the grid, the sorted particles and the neighbourhoods of the active nodes.
     moments : (C, 3^d) moments of the particle volumes in the occupied cells (see `_kernels`).
     halves : (C, 2^d) which parts of each occupied cell, cut in two along each axis, hold a particle.
-    volumes : (n,) sum_p V_p w_i(x_p) [m^d].
+    volumes : (n,) sum_p V_p w_i(x_p) [m^d], or of other weights in the place of V_p.
     velocities : (n, d) u^{p->g} [m/s], particle velocities averaged as the nodes see them (seed B, Eq. 7.17).
+    positions : (P, d) of the particles [m].
+    free : (C, 2^d) shares of these parts that lie outside all bodies; None without bodies.
     """
 
     grid: RegularGrid
@@ -40,11 +43,19 @@ class GridMatter:
     halves: NDArray[np.bool_]
     volumes: NDArray[np.float64]
     velocities: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    free: NDArray[np.float64] | None = None
 
     @cached_property
     def capacities(self) -> NDArray[np.float64]:
         """(n,) integrals of the shape functions over the box [m^d]."""
         return self.grid.node_volumes(self.active.nodes)
+
+    @cached_property
+    def half_rooms(self) -> NDArray[np.float64]:
+        """(C, 2^d) which share of each half-cell is room for matter: none where there is no particle or a body."""
+        held = self.halves.astype(np.float64)
+        return held if self.free is None else held * self.free
 
     @cached_property
     def occupied_capacities(self) -> NDArray[np.float64]:
@@ -53,12 +64,21 @@ class GridMatter:
         At a free surface the empty part of a node's support does not count, so that packed matter is packed up to its
         surface; with whole supports the uppermost cells would carry no stress and creep (seed B, Figure 7.3).
         """
-        corners = moment_tables(self.grid.dimension).corners
-        share = np.prod(np.where(corners[:, None, :] == corners[None, :, :], 0.375, 0.125), axis=-1)
-        in_cells = self.grid.cell_volume * (self.halves @ share)
+        share = corner_shares(self.grid.dimension)
+        in_cells = self.grid.cell_volume * (self.half_rooms @ share)
         cells = self.stencil.cells
         around = in_cells[cells, np.arange(cells.shape[1])]
         return np.asarray(np.sum(np.where(cells >= 0, around, 0.0), axis=1))
+
+    @cached_property
+    def open_capacities(self) -> NDArray[np.float64]:
+        """(n,) `capacities` without what bodies take of the occupied cells [m^d]."""
+        if self.free is None:
+            return self.capacities
+        taken = self.grid.cell_volume * ((1.0 - self.free) @ corner_shares(self.grid.dimension))
+        cells = self.stencil.cells
+        around = taken[cells, np.arange(cells.shape[1])]
+        return np.asarray(self.capacities - np.sum(np.where(cells >= 0, around, 0.0), axis=1))
 
     @cached_property
     def volume_fractions(self) -> NDArray[np.float64]:
@@ -76,10 +96,13 @@ class GridMatter:
         return gradients
 
 
-def particles_to_grid(grid: RegularGrid, state: State, affine: bool = True) -> GridMatter:
+def particles_to_grid(
+    grid: RegularGrid, state: State, affine: bool = True, weights: NDArray[np.float64] | None = None
+) -> GridMatter:
     """Sum the particles of `state` up on the active nodes of `grid`.
 
     affine : whether nodes see the affine velocity field of each particle (APIC) or its velocity only (PIC).
+    weights : (P,) masses, for instance, in the place of the particle volumes.
 
     No node is without mass: local coordinates of particles are kept 1e-9 inside (0, 1) wherever shape functions are
     evaluated, so weights are positive and the averaged velocities always defined.
@@ -96,12 +119,14 @@ def particles_to_grid(grid: RegularGrid, state: State, affine: bool = True) -> G
     gradients = state.affine if affine else np.zeros_like(state.affine)
     sum_cells(
         active.order, active.starts, active.occupied, origin, spacing, cells,
-        state.positions, state.velocities, gradients, state.volumes, moments, momenta, halves,
+        state.positions, state.velocities, gradients, state.volumes if weights is None else weights, moments, momenta, halves,
     )  # fmt: skip
     volumes = np.zeros(len(active.nodes))
     node_momenta = np.zeros((len(active.nodes), d))
     gather_nodes(stencil.cells, tables.value, moments, momenta, volumes, node_momenta)
-    return GridMatter(grid, active, stencil, moments, halves, volumes, node_momenta / volumes[:, None])
+    return GridMatter(
+        grid, active, stencil, moments, halves, volumes, node_momenta / volumes[:, None], state.positions
+    )
 
 
 def grid_to_particles(

@@ -42,7 +42,9 @@ def volume_shift(
     inner[(index == 0) | (index == grid.cells)] = False
     change = _volume_change(matter, inner)
     excess = (
-        matter.volumes - max_volume_fraction * matter.capacities + change @ (dt * node_velocities.reshape(-1))
+        matter.volumes
+        - max_volume_fraction * matter.open_capacities
+        + change @ (dt * node_velocities.reshape(-1))
     )
     if np.all(excess <= 0.0):
         return np.zeros(node_velocities.shape)
@@ -53,10 +55,10 @@ def volume_shift(
 
 
 def within_energy(
-    shift: NDArray[np.float64], masses: NDArray[np.float64], gravity: float, dissipated: float
+    shift: NDArray[np.float64], masses: NDArray[np.float64], gravity: NDArray[np.float64], dissipated: float
 ) -> NDArray[np.float64]:
     """The shift (n, d), scaled down where it would raise the potential energy by more than half of `dissipated` [J]."""
-    raised = gravity * float(np.sum(masses * shift[:, -1]))
+    raised = -float(np.sum(masses * (shift @ gravity)))
     allowed = ENERGY_SHARE * max(dissipated, 0.0)
     return shift if raised <= allowed else shift * (allowed / raised)
 

@@ -1,6 +1,7 @@
-"""What the six (four in the plane) faces of the box do to the matter: stick, slip, or Coulomb friction (seed B, 7.5.1).
+"""What the six (four in the plane) faces of the box do to the matter: stick, slip, Coulomb friction, or let it out.
 
-Stick and slip fix velocity components at wall nodes; a frictional wall adds one contact per active node to the problem.
+Stick and slip fix velocity components at wall nodes (seed B, 7.5.1); a frictional wall adds one contact per active node to the
+problem; an open face holds nothing back, and particles that reach it leave the simulation.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,21 +17,21 @@ from numpy.typing import NDArray
 from barchan.errors import InputError
 from barchan.spaces import RegularGrid
 
-KINDS = ("slip", "stick", "friction")
+KINDS = ("slip", "stick", "friction", "open")
 
 
 @dataclass(frozen=True)
 class Wall:
     """One face.
 
-    kind : "slip" (no velocity through the wall), "stick" (no velocity at the wall) or "friction" (matter may leave the
-        wall but not enter it, and slides under Coulomb's law).
+    kind : "slip" (no velocity through the wall), "stick" (no velocity at the wall), "friction" (matter may leave the
+        wall but not enter it, and slides under Coulomb's law) or "open" (matter leaves through it).
     friction : physical coefficient >= 0 of a frictional wall.
 
     Raises InputError for an unknown kind or a coefficient that is negative or not finite.
     """
 
-    kind: Literal["slip", "stick", "friction"] = "slip"
+    kind: Literal["slip", "stick", "friction", "open"] = "slip"
     friction: float = 0.0
 
     def __post_init__(self) -> None:
@@ -83,7 +84,16 @@ class Walls:
         return tuple(self.faces.get(name, Wall("slip")) for name in names)
 
 
-def free_components(grid: RegularGrid, walls: Walls, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
+class Faces(Protocol):
+    """What walls ask of a grid or a velocity basis."""
+
+    @property
+    def dimension(self) -> int: ...
+
+    def on_face(self, ids: NDArray[np.int64], axis: int, upper: bool) -> NDArray[np.bool_]: ...
+
+
+def free_components(grid: Faces, walls: Walls, nodes: NDArray[np.int64]) -> NDArray[np.bool_]:
     """(n, d) whether each velocity component of the nodes (n,) may move: stick fixes all, slip the normal one."""
     free = np.ones((len(nodes), grid.dimension), dtype=np.bool_)
     for face, wall in enumerate(walls.on(grid.dimension)):
@@ -96,43 +106,13 @@ def free_components(grid: RegularGrid, walls: Walls, nodes: NDArray[np.int64]) -
     return free
 
 
-@dataclass(frozen=True)
-class WallContacts:
-    """Contacts of active nodes with frictional walls; a node on two such walls has two contacts.
-
-    numbers : (k,) active numbers of the nodes, faces one after the other.
-    keys : (k,) int64 `node id * 2 d + face`, unique names of the contacts by which stresses are found again.
-    areas : (k,) area [m^(d-1)] a node stands for: its volume of matter over half a cell's height.
-    frames : (k, d, d) rows: inward normal, then the tangents.
-    friction : (k,) physical coefficients.
-    """
-
-    numbers: NDArray[np.int64]
-    keys: NDArray[np.int64]
-    areas: NDArray[np.float64]
-    frames: NDArray[np.float64]
-    friction: NDArray[np.float64]
-
-
-def wall_contacts(
-    grid: RegularGrid, walls: Walls, nodes: NDArray[np.int64], node_volumes: NDArray[np.float64]
-) -> WallContacts:
-    """Contacts of the active nodes (n,), whose volumes of matter are `node_volumes` (n,) [m^d]."""
-    d = grid.dimension
-    numbers, keys, areas, frames, friction = [], [], [], [], []
-    for face, wall in enumerate(walls.on(d)):
-        if wall.kind != "friction":
-            continue
-        axis, upper = divmod(face, 2)
-        found = np.flatnonzero(grid.on_face(nodes, axis, bool(upper)))
-        frame = np.roll(np.eye(d), -axis, axis=0)
-        frame[0] *= -1.0 if upper else 1.0
-        numbers.append(found)
-        keys.append(nodes[found] * (2 * d) + face)
-        areas.append(node_volumes[found] / (0.5 * grid.spacing[axis]))
-        frames.append(np.broadcast_to(frame, (len(found), d, d)))
-        friction.append(np.full(len(found), float(wall.friction)))
-    if not numbers:
-        empty = np.zeros(0, dtype=np.int64)
-        return WallContacts(empty, empty, np.zeros(0), np.zeros((0, d, d)), np.zeros(0))
-    return WallContacts(*(np.concatenate(parts) for parts in (numbers, keys, areas, frames, friction)))
+def left_through(grid: RegularGrid, walls: Walls, positions: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(P,) whether each particle at `positions` (P, d) has reached an open face (within 1e-6 of a cell)."""
+    out = np.zeros(len(positions), dtype=np.bool_)
+    for face, wall in enumerate(walls.on(grid.dimension)):
+        if wall.kind == "open":
+            axis, upper = divmod(face, 2)
+            slack = 1e-6 * grid.spacing[axis]
+            edge = grid.upper[axis] - slack if upper else grid.origin[axis] + slack
+            out |= positions[:, axis] >= edge if upper else positions[:, axis] <= edge
+    return out

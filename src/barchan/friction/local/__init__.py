@@ -19,6 +19,7 @@ from barchan.friction.local._dispatch import (
     ALART_CURNIER_DAMPED,
     DURIEZ,
     ENUMERATIVE,
+    FACETED,
     FAILED,
     FISCHER_BURMEISTER,
     PYRAMID,
@@ -44,6 +45,8 @@ LOCAL_SOLVERS: dict[str, int] = {
     **{f"{name}+enumerative": code + THEN_ENUMERATIVE for name, code in _PRIMARY.items()},
     **{f"{name}+secular": code + THEN_SECULAR for name, code in _PRIMARY.items()},
 }
+# The solver of `FacetedCoulomb`; not among the others, which solve round laws.
+FACETED_SOLVER = "faceted"
 
 
 @dataclass
@@ -76,6 +79,8 @@ def local_code(name: str, s: int, parameters: np.ndarray) -> int:
     ------
     InputError : unknown name, enumeration asked for s > 3, or a yield stress given to a solver that needs a plain cone.
     """
+    if name == FACETED_SOLVER:
+        return FACETED
     if name not in LOCAL_SOLVERS:
         raise InputError("local_solver", name, "one of " + ", ".join(sorted(LOCAL_SOLVERS)))
     if name.endswith("enumerative") and s > 3:
@@ -121,6 +126,7 @@ def solve_block(
 
 
 __all__ = [
+    "FACETED_SOLVER",
     "LOCAL_SOLVERS",
     "BlockAnswer",
     "LocalCounts",

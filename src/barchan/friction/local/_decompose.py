@@ -6,13 +6,16 @@ Compiled, because a small problem is solved in less time than NumPy needs to sta
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
-from numba import njit
+from numba import njit, prange
 
 SINGULAR = 1e-10
 PROXIMAL = 1e-3
 _ROTATIONS = 60
+CHUNK, PARALLEL_CHUNKS = 128, 12
 
 
 @njit(cache=True, error_model="numpy")
@@ -51,26 +54,27 @@ def _diagonalise(a, vectors, precision):
 
 
 @njit(cache=True, error_model="numpy")
-def _smallest_eigenvalue(block, work, vectors):
+def _is_regular(block, bound, pivots):
+    """Whether all eigenvalues of a symmetric (s, s) exceed `bound`: no pivot of block - bound I is negative (Sylvester)."""
     s = len(block)
     for i in range(s):
-        for j in range(s):
-            work[i, j] = block[i, j]
-    _diagonalise(work, vectors, 1e-20)
-    smallest = work[0, 0]
-    for i in range(1, s):
-        smallest = min(smallest, work[i, i])
-    return smallest
+        for j in range(i + 1):
+            value = block[i, j] - (bound if i == j else 0.0)
+            for k in range(j):
+                value -= pivots[i, k] * pivots[j, k]
+            if i == j:
+                if not value > 0.0:
+                    return False
+                pivots[i, i] = math.sqrt(value)
+            else:
+                pivots[i, j] = value / pivots[j, j]
+    return True
 
 
 @njit(cache=True, error_model="numpy")
-def regular_blocks(blocks, out):
-    """Symmetric parts of blocks (n, s, s), plus beta I where singular or nearly so (seed B Eq. 3.14).
-
-    beta is a fraction PROXIMAL of the block's mean eigenvalue (of the mean over all blocks where the block vanishes).
-    """
+def typical_eigenvalue(blocks):
+    """Mean over the blocks (n, s, s) that do not vanish of their mean eigenvalue; 1 if all vanish."""
     n, s, _ = blocks.shape
-    work, vectors = np.empty((s, s)), np.empty((s, s))
     typical, count = 0.0, 0
     for i in range(n):
         trace = 0.0
@@ -79,49 +83,70 @@ def regular_blocks(blocks, out):
         if trace > 0.0:
             typical += trace / s
             count += 1
-    typical = typical / count if count else 1.0
-    for i in range(n):
-        mean = 0.0
-        for k in range(s):
-            mean += blocks[i, k, k] / s
-            for m in range(s):
-                out[i, k, m] = 0.5 * (blocks[i, k, m] + blocks[i, m, k])
-        smallest = _smallest_eigenvalue(out[i], work, vectors)
-        if mean <= 0.0:
-            mean = typical
-        if smallest <= SINGULAR * mean:
-            for k in range(s):
-                out[i, k, k] += PROXIMAL * mean
+    return typical / count if count else 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def decompose(blocks, rows):
-    """Rows [W_NN, Q^T w / W_NN, eigenvalues of T, Q row by row] of regular blocks (n, s, s); T = W_TT - w w^T / W_NN."""
-    n, s, _ = blocks.shape
+def _regularise(block, typical, work, out):
+    """Symmetric part of a block (s, s), plus beta I where singular or nearly so (seed B Eq. 3.14).
+
+    beta is a fraction PROXIMAL of the block's mean eigenvalue (of the `typical` one where the block vanishes).
+    """
+    s = len(block)
+    mean = 0.0
+    for k in range(s):
+        mean += block[k, k] / s
+        for m in range(s):
+            out[k, m] = 0.5 * (block[k, m] + block[m, k])
+    if mean <= 0.0:
+        mean = typical
+    if not _is_regular(out, SINGULAR * mean, work):
+        for k in range(s):
+            out[k, k] += PROXIMAL * mean
+
+
+@njit(cache=True, error_model="numpy")
+def _decompose(block, schur, vectors, row):
+    """Row [W_NN, Q^T w / W_NN, eigenvalues of T, Q row by row] of a regular block (s, s); T = W_TT - w w^T / W_NN."""
+    s = len(block)
     q = s - 1
-    schur, vectors = np.empty((q, q)), np.empty((q, q))
-    for i in range(n):
-        normal = blocks[i, 0, 0]
-        trace = normal
-        for a in range(q):
-            trace += blocks[i, 1 + a, 1 + a]
-            for b in range(q):
-                schur[a, b] = blocks[i, 1 + a, 1 + b] - blocks[i, 1 + a, 0] * blocks[i, 1 + b, 0] / normal
-        _diagonalise(schur, vectors, 1e-30)
-        rows[i, 0] = normal
-        for a in range(q):
-            value = 0.0
-            for b in range(q):
-                value += vectors[b, a] * blocks[i, 1 + b, 0]
-                rows[i, 2 * s - 1 + b * q + a] = vectors[b, a]
-            rows[i, 1 + a] = value / normal
-            rows[i, s + a] = max(schur[a, a], 2.220446049250313e-16 * trace)
+    normal = block[0, 0]
+    trace = normal
+    for a in range(q):
+        trace += block[1 + a, 1 + a]
+        for b in range(q):
+            schur[a, b] = block[1 + a, 1 + b] - block[1 + a, 0] * block[1 + b, 0] / normal
+    _diagonalise(schur, vectors, 1e-30)
+    row[0] = normal
+    for a in range(q):
+        value = 0.0
+        for b in range(q):
+            value += vectors[b, a] * block[1 + b, 0]
+            row[2 * s - 1 + b * q + a] = vectors[b, a]
+        row[1 + a] = value / normal
+        row[s + a] = max(schur[a, a], 2.220446049250313e-16 * trace)
+
+
+@cache
+def _prepare(PARALLEL: bool) -> Callable[..., None]:
+    """Kernel: regular blocks (n, s, s) and rows of their decomposition, in chunks of CHUNK blocks."""
+
+    @njit(cache=True, error_model="numpy", parallel=PARALLEL)
+    def kernel(blocks, typical, regular, rows):
+        n, s, _ = blocks.shape
+        for chunk in prange(-(-n // CHUNK)):
+            work, schur, vectors = np.empty((s, s)), np.empty((s - 1, s - 1)), np.empty((s - 1, s - 1))
+            for i in range(chunk * CHUNK, min(n, (chunk + 1) * CHUNK)):
+                _regularise(blocks[i], typical, work, regular[i])
+                _decompose(regular[i], schur, vectors, rows[i])
+
+    return kernel
 
 
 def local_blocks(blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Regular blocks (n, s, s) and their decomposition (n, 1 + 2 (s - 1) + (s - 1)^2) for the secular local solver."""
     n, s, _ = blocks.shape
     regular, rows = np.empty((n, s, s)), np.empty((n, 1 + 2 * (s - 1) + (s - 1) ** 2))
-    regular_blocks(np.ascontiguousarray(blocks, dtype=float), regular)
-    decompose(regular, rows)
+    blocks = np.ascontiguousarray(blocks, dtype=float)
+    _prepare(n >= PARALLEL_CHUNKS * CHUNK)(blocks, typical_eigenvalue(blocks), regular, rows)
     return regular, rows

@@ -17,11 +17,13 @@ from barchan.friction.local._contact import contact_error, fischer_burmeister_co
 from barchan.friction.local._contact_alart_curnier import alart_curnier_contact
 from barchan.friction.local._duriez import solve_duriez
 from barchan.friction.local._enumerative import solve_enumerative
+from barchan.friction.local._faceted import solve_faceted
 from barchan.friction.local._fischer_burmeister import solve_fischer_burmeister
 from barchan.friction.local._pyramid import solve_pyramid
 from barchan.friction.local._secular import solve_secular
 
 SECULAR, ENUMERATIVE, FISCHER_BURMEISTER, PYRAMID, DURIEZ, ALART_CURNIER, ALART_CURNIER_DAMPED = range(7)
+FACETED = 7
 THEN_ENUMERATIVE, THEN_SECULAR = 8, 16
 FAILED, USED_FAILSAFE = 1, 2
 LOCAL_TOLERANCE = 1e-8
@@ -162,8 +164,12 @@ def solve_certified(s, code, w, local, b, guide, law, r, rows, matrices):
 
     `guide` (s,) is the unconstrained velocity a pyramid is aligned with. Blocks that take off or stick need no iteration:
     every solver of Coulomb's law gets these two answers, the second one checked. Returns FAILED and USED_FAILSAFE as bits:
-    failed is an answer whose local certificate exceeds LOCAL_TOLERANCE (of the pyramid alone: that is none of its own law).
+    failed is an answer whose local certificate exceeds LOCAL_TOLERANCE (of the pyramid alone: that is none of its own law;
+    the faceted law has its own solver, whose answers are not checked by the certificate of the round ones).
     """
+    if code == FACETED:
+        solve_faceted(s, w, b, law[0], r)
+        return 0
     primary = code % THEN_ENUMERATIVE
     mu, zeta = law[0], law[3]
     turned, matrix = matrices[:s, :s], matrices[s : 2 * s, :s]

@@ -1,6 +1,7 @@
 """Every method of the room, by name: a function (problem, recorder, r0, max_iterations, options...) in a module of its own.
 
-`METHODS` is the only list: `solve`, the command line and the benchmarks read it.
+`METHODS` is the only list for friction: `solve`, the command line, the benchmarks read it. `FACETED_METHODS` solve the faceted
+law, which only shows what facets do.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
+from barchan.cones import FacetedCoulomb, Law
+from barchan.errors import InputError
 from barchan.friction.methods.admm import admm
 from barchan.friction.methods.ama import ama
 from barchan.friction.methods.apgd import apgd
@@ -20,6 +23,7 @@ from barchan.friction.methods.cadoux import cadoux
 from barchan.friction.methods.chambolle_pock import chambolle_pock
 from barchan.friction.methods.conic_programs import clarabel_dual, clarabel_primal
 from barchan.friction.methods.dual_ama import dual_ama
+from barchan.friction.methods.faceted_gauss_seidel import faceted, faceted_gauss_seidel
 from barchan.friction.methods.gauss_seidel import gauss_seidel, sor, symmetric_gauss_seidel
 from barchan.friction.methods.haslinger import haslinger
 from barchan.friction.methods.interior_point import interior_point
@@ -110,3 +114,23 @@ METHODS: dict[str, Method] = {
         split_interior_point, "this project", "central path of pressure and friction apart, for flows"
     ),
 }
+
+FACETED_METHODS: dict[str, Method] = {
+    "auto": Method(faceted, "this project; seed B, 7.1.1", "sweeps and accelerated gradients in turns"),
+    "faceted_gauss_seidel": Method(faceted_gauss_seidel, "seed B, 7.1.1", "sweeps component by component"),
+}
+
+
+def method_for(law: Law, name: str) -> Method:
+    """The method of this name for a law.
+
+    Raises InputError for a name that does not exist, or that does not solve this law.
+    """
+    has_facets = isinstance(law, FacetedCoulomb)
+    known = FACETED_METHODS if has_facets else METHODS
+    if name in known:
+        return known[name]
+    allowed = "one of " + ", ".join(known)
+    if has_facets and name in METHODS:
+        allowed += ": the others need a cone without facets"
+    raise InputError("method", name, allowed)

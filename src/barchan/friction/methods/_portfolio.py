@@ -56,16 +56,25 @@ def portfolio(
     min_iterations: int = 0,
     gradient: Callable[..., None] = aspg,
     gradient_cost: float = 1.5,
+    first_sweeps: int = CHUNK,
+    sweeps: Callable[..., None] = gauss_seidel,
 ) -> None:
     """Solve from `r0` (n, s) with Gauss-Seidel and a gradient method in turns of CHUNK iterations or more.
 
     max_iterations : bound on the work, in Gauss-Seidel sweeps.  min_iterations : sweeps made in any case.
     gradient : a method with the option `operator`.  gradient_cost : work of its iteration.
+    first_sweeps : Gauss-Seidel sweeps of the first turn.  sweeps : the method that makes them.
     """
     members = [_Member(gradient, gradient_cost, {"operator": operator})]
     if can_sweep(problem):
         members.insert(
-            0, _Member(gauss_seidel, 1.0, {"operator": operator, "min_iterations": min_iterations})
+            0,
+            _Member(
+                sweeps,
+                1.0,
+                {"operator": operator, "min_iterations": min_iterations},
+                chunk=max(first_sweeps, min_iterations),
+            ),
         )
     budget = float(DEFAULT_WORK if max_iterations is None else max_iterations)
     start = r0
@@ -79,6 +88,7 @@ def portfolio(
         budget -= count * member.cost
         if recorder.ended or budget < members[-1].cost:
             return
+        before = recorder.history[0].residual if before == math.inf else before
         _update(members, member, before, recorder.best_residual, count)
         start = _restart(recorder)
 

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from barchan.cones import FacetedCoulomb
+from barchan.friction._faceted_kernels import project_faceted_blocks
 from barchan.friction._kernels import project_blocks
 from barchan.friction.methods._norms import eigenvalue_bound
 from barchan.friction.operators import Delassus, build_operator
@@ -78,9 +80,24 @@ class ScaledProblem:
         return bound if bound > 0.0 else 1.0
 
 
+class FacetedScaledProblem(ScaledProblem):
+    """The same for `FacetedCoulomb`: its cones keep their shape too."""
+
+    def project(self, x: np.ndarray) -> np.ndarray:
+        """Projection of every block on its pyramid."""
+        out = np.empty_like(x)
+        project_faceted_blocks(x, self.laws, out)
+        return out
+
+    def shift(self, u: np.ndarray) -> np.ndarray:
+        """Normal part (n,) of s(u) = mu sum_k |u_Tk| e_N."""
+        return np.asarray(self.excess * np.abs(u[:, 1:]).sum(axis=1))
+
+
 def scaled_problem(problem: Problem, operator: str = "auto") -> ScaledProblem:
     """The equilibrated problem on the operator of this kind (see `barchan.friction.operators`), made once."""
+    kind = FacetedScaledProblem if isinstance(problem.law, FacetedCoulomb) else ScaledProblem
     scaled: ScaledProblem = problem.prepared(
-        ("scaled", operator), lambda: ScaledProblem(problem, build_operator(problem, operator))
+        ("scaled", operator), lambda: kind(problem, build_operator(problem, operator))
     )
     return scaled

@@ -7,19 +7,21 @@ parallel groups. Cost of a sweep: linear in the entries of W (explicit) or of H 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
 from barchan.errors import InputError
+from barchan.friction._gradient_kernels import gradient_sweeps
 from barchan.friction._kernels import block_sweeps, sweep_scratch
+from barchan.friction.gradient_form import GradientDelassus
 from barchan.friction.local import LocalCounts, local_blocks, local_code
 from barchan.friction.operators import LARGEST_DENSE_DELASSUS, LumpedDelassus, StoredDelassus, build_operator
 from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
-from barchan.linalg import BlockRows, Schedule, coloured_schedule, natural_schedule
+from barchan.linalg import Schedule, coloured_schedule, natural_schedule
 
 DEFAULT_SWEEPS = 10_000
 DIRECTIONS = ("alternating", "forward", "symmetric")
@@ -27,6 +29,7 @@ OVER_RELAXATION = 1.3
 PARALLEL_BLOCKS = 1500
 GROUP_SIZE = 16
 SLEEP_FRACTION = 0.1
+SweptDelassus: TypeAlias = StoredDelassus | LumpedDelassus | GradientDelassus
 
 
 def gauss_seidel(
@@ -117,6 +120,7 @@ def sor(
     operator: str = "auto",
     parallel: bool | None = None,
     check_every: int = 25,
+    min_iterations: int = 0,
     direction: str = "forward",
     counts: LocalCounts | None = None,
 ) -> None:
@@ -135,6 +139,7 @@ def sor(
         parallel=parallel,
         relaxation=relaxation,
         check_every=check_every,
+        min_iterations=min_iterations,
         direction=direction,
         counts=counts,
     )
@@ -159,7 +164,7 @@ def prepare_sweeper(
     delassus = build_operator(
         problem, "explicit" if operator == "auto" and not _is_lumped(problem) else operator
     )
-    if not isinstance(delassus, StoredDelassus | LumpedDelassus):
+    if not isinstance(delassus, SweptDelassus):
         raise InputError("operator", operator, "'explicit': sweeps need W or a diagonal M")
     if parallel is None:
         parallel = problem.n >= PARALLEL_BLOCKS
@@ -214,7 +219,7 @@ class Sweeper:
     def __init__(
         self,
         problem: Problem,
-        delassus: StoredDelassus | LumpedDelassus,
+        delassus: SweptDelassus,
         local_solver: str,
         parallel: bool,
         jacobi: bool,
@@ -236,12 +241,23 @@ class Sweeper:
         )
         self.relaxation = 1.0
         self.turning = True
+        self.system: tuple[Any, ...]
+        self.kernel: Callable[..., Any]
         self.scratch = sweep_scratch(self.schedule.widest, problem.s)
         self.tally = np.zeros((self.schedule.widest, 8), dtype=np.int64)
-        stored = isinstance(delassus, StoredDelassus)
-        self.rows: BlockRows = delassus.rows if isinstance(delassus, StoredDelassus) else delassus.g
-        width = 0 if stored else problem.velocity_block
-        self.kernel: Callable[..., Any] = block_sweeps(problem.s, width, code, parallel, jacobi, counting)
+        arrays = (self.diagonal, self.b, self.local, self.laws)
+        if isinstance(delassus, GradientDelassus):
+            order = self.schedule.order
+            form = origin.prepared(("form", parallel), lambda: delassus.in_order(order))
+            if form is not delassus.form:
+                arrays = (self.diagonal[order], self.b[order], self.local[order], self.laws[order])
+            self.system = (form, *arrays)
+            self.kernel = gradient_sweeps(problem.s, form[2].shape[1], code, parallel, jacobi, counting)
+        else:
+            rows = delassus.rows if isinstance(delassus, StoredDelassus) else delassus.g
+            width = 0 if isinstance(delassus, StoredDelassus) else problem.velocity_block
+            self.system = ((rows.indptr, rows.indices, rows.data), *arrays)
+            self.kernel = block_sweeps(problem.s, width, code, parallel, jacobi, counting)
 
     def start(self, r0: np.ndarray) -> np.ndarray:
         """Take the start (n, s) and return the array the sweeps update in place."""
@@ -249,17 +265,17 @@ class Sweeper:
         self.r = np.array(r0, dtype=float, order="C")
         self.multiplier = np.zeros(n)
         self.asleep = np.zeros(n, dtype=np.bool_)
-        self.z = self.delassus.spread(self.r) if isinstance(self.delassus, LumpedDelassus) else np.zeros(0)
+        self.z = np.zeros(0) if isinstance(self.delassus, StoredDelassus) else self.delassus.spread(self.r)
         self.old = (self.r.copy(), self.z.copy()) if self.jacobi else (self.r, self.z)
         return self.r
 
     def residual(self) -> tuple[float, float]:
         """Law residual of the current forces, and |r| or the reference; refreshes z, so that no drift accumulates."""
-        if isinstance(self.delassus, LumpedDelassus):
+        if isinstance(self.delassus, StoredDelassus):
+            u = self.delassus.apply(self.r) + self.b
+        else:
             self.z = self.delassus.spread(self.r)
             u = self.delassus.gather(self.z) + self.b
-        else:
-            u = self.delassus.apply(self.r) + self.b
         return law_residual(self.problem, self.r, u)
 
     def run(self, sweeps: int, start: int, calm: float) -> None:
@@ -270,13 +286,7 @@ class Sweeper:
             start,
             self.turning,
             tuple(self.schedule),
-            (
-                (self.rows.indptr, self.rows.indices, self.rows.data),
-                self.diagonal,
-                self.b,
-                self.local,
-                self.laws,
-            ),
+            self.system,
             calm,
             self.relaxation,
             (self.r, self.z, *self.old, self.multiplier, self.asleep),
@@ -290,10 +300,13 @@ class Sweeper:
             self.counts.failsafe_calls += int(calls)
 
 
-def _schedule(delassus: StoredDelassus | LumpedDelassus, n: int) -> Schedule:
-    rows = delassus.rows if isinstance(delassus, StoredDelassus) else delassus.g
-    columns = n if isinstance(delassus, StoredDelassus) else rows.columns
-    pattern = sp.csr_array(
-        (np.ones(len(rows.indices), np.int32), rows.indices, rows.indptr), shape=(n, columns)
-    )
-    return coloured_schedule(pattern, GROUP_SIZE, shared_columns=isinstance(delassus, LumpedDelassus))
+def _schedule(delassus: SweptDelassus, n: int) -> Schedule:
+    if isinstance(delassus, GradientDelassus):
+        (pointers, indices), columns = delassus.pattern, delassus.columns
+    else:
+        rows = delassus.rows if isinstance(delassus, StoredDelassus) else delassus.g
+        pointers, indices = rows.indptr, rows.indices
+        columns = n if isinstance(delassus, StoredDelassus) else rows.columns
+    pattern = sp.csr_array((np.ones(len(indices), np.int8), indices, pointers), shape=(n, columns))
+    shared = not isinstance(delassus, StoredDelassus)
+    return coloured_schedule(pattern, GROUP_SIZE, shared, slabs=isinstance(delassus, GradientDelassus))

@@ -18,6 +18,8 @@ KIND_NAMES = (
     "cylinder_dfg",
     "couette",
     "fluid_cavity",
+    "sand",
+    "dry_p0",
 )
 """What `[scene] kind` may be; the first is the kind of a scene file that names none."""
 

@@ -6,23 +6,21 @@ Scenes are those of seed B 7.2.3 and 7.5.1 (collapse of a column); friction coef
 
 from __future__ import annotations
 
-import math
-from typing import Annotated, Any, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from barchan.errors import InputError
-from barchan.scenes.parameters import (
-    MOST_FRAMES,
-    Count,
-    Group,
-    NotNegative,
-    Positive,
-    SceneHeader,
-    SceneParameters,
+from barchan.scenes.granular.parameters import (
+    Box,
+    GranularParameters,
+    MaterialGroup,
+    ParticlesGroup,
+    SolverGroup,
+    TimeGroup,
+    WallsGroup,
 )
-
-FACES = ("x_min", "x_max", "y_min", "y_max", "z_min", "z_max")
+from barchan.scenes.parameters import Group, NotNegative, Positive, SceneHeader
 
 
 class ColumnHeader(SceneHeader):
@@ -30,15 +28,6 @@ class ColumnHeader(SceneHeader):
 
     kind: Literal["column"] = Field(default="column", description="what is simulated: a collapsing column")
     gravity: Positive = Field(default=9.81, description="gravity, downwards along the last axis, m/s^2")
-
-
-class Box(Group):
-    """[box]"""
-
-    size: list[Positive] = Field(
-        min_length=2, max_length=3, description="length (depth) height of the box, m"
-    )
-    cells: list[Count] = Field(min_length=2, max_length=3, description="number of grid cells along each axis")
 
 
 class Column(Group):
@@ -49,97 +38,7 @@ class Column(Group):
     position: NotNegative = Field(default=0.0, description="distance of the column from the back wall, m")
 
 
-class MaterialGroup(Group):
-    """[material]"""
-
-    density: Positive = Field(description="bulk density of the packed material, kg/m^3")
-    friction: NotNegative = Field(
-        description="friction coefficient at rest mu_s (2D: sine of the friction angle)"
-    )
-    friction_increment: NotNegative = Field(
-        default=0.0, description="mu_D - mu_s: more friction in rapid flow"
-    )
-    inertial_reference: Positive = Field(
-        default=0.4, description="inertial number I0 at which half of that is reached"
-    )
-    grain_diameter: NotNegative = Field(default=0.0, description="grain diameter, m")
-    viscosity: NotNegative = Field(default=0.0, description="additional Newtonian viscosity, Pa s")
-    max_volume_fraction: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        default=1.0, description="volume fraction of the packed material (1: volumes are bulk volumes)"
-    )
-    packing_tolerance: Annotated[float, Field(ge=0.0, lt=1.0)] = Field(
-        default=0.02, description="matter within this share of it counts as packed and bears load"
-    )
-    static_excess: NotNegative = Field(
-        default=0.0, description="relative excess of friction where loaded matter hardly shears"
-    )
-    static_shear_rate: NotNegative = Field(default=0.0, description="shear rate below which it acts, 1/s")
-
-
-class FrictionalWall(Group):
-    """Coulomb friction between material and wall."""
-
-    friction: NotNegative
-
-
-WallChoice = Literal["stick", "slip"] | FrictionalWall
-
-
-def _wall(default: str | None, description: str) -> Any:
-    """A key of [walls]."""
-    allowed = '"stick", "slip" or {friction = F} with F a finite number >= 0'
-    return Field(default=default, description=description, json_schema_extra={"accepted": allowed})
-
-
-class WallsGroup(Group):
-    """[walls]"""
-
-    x_min: WallChoice = _wall("slip", "back wall")
-    x_max: WallChoice = _wall("slip", "front wall")
-    y_min: WallChoice | None = _wall(None, "side wall (3D only)")
-    y_max: WallChoice | None = _wall(None, "side wall (3D only)")
-    z_min: WallChoice = _wall("stick", "floor")
-    z_max: WallChoice = _wall("slip", "lid")
-
-
-class TimeGroup(Group):
-    """[time]"""
-
-    end: Positive = Field(description="simulated time, s")
-    frame_rate: Positive = Field(description="frames stored per second")
-    step: Positive = Field(description="longest time step, s")
-    adaptive: bool = Field(
-        True, description="shorten steps so that no particle crosses more than `cfl` cells in one"
-    )
-    cfl: Positive = Field(default=1.0, description="cells the fastest particle may cross in an adaptive step")
-
-
-class SolverGroup(Group):
-    """[solver]"""
-
-    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=1e-4, description="largest certificate of a step"
-    )
-    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a step")
-    min_sweeps: Annotated[int, Field(ge=0)] = Field(
-        default=5, description="fewest solver iterations in a step"
-    )
-
-
-class ParticlesGroup(Group):
-    """[particles]"""
-
-    per_cell: Annotated[int, Field(ge=1, le=16)] = Field(
-        default=3, description="particles along each axis of a cell"
-    )
-    transfer: Literal["apic", "pic"] = Field(
-        default="apic", description="velocity transfer; apic keeps angular momentum"
-    )
-    move_cfl: Positive = Field(default=0.5, description="cells a particle may cross in a substep of its move")
-
-
-class ColumnParameters(SceneParameters):
+class ColumnParameters(GranularParameters):
     """A complete scene of kind "column"."""
 
     scene: ColumnHeader
@@ -151,44 +50,10 @@ class ColumnParameters(SceneParameters):
     solver: SolverGroup = SolverGroup()
     particles: ParticlesGroup = ParticlesGroup()
 
-    @property
-    def dimension(self) -> int:
-        """2 or 3, the length of `box.size`."""
-        return len(self.box.size)
-
-    @property
-    def size(self) -> str:
-        """The cells of the grid."""
-        return " x ".join(str(count) for count in self.box.cells) + " cells"
-
-    @property
-    def spacing(self) -> list[float]:
-        """Edges of a grid cell (m)."""
-        return [size / cells for size, cells in zip(self.box.size, self.box.cells, strict=True)]
-
-    @property
-    def frame_rate(self) -> float:
-        """Frames per second."""
-        return self.time.frame_rate
-
-    @property
-    def frame_count(self) -> int:
-        """Frames after the initial one: the run ends with the first frame at or after `time.end`."""
-        return max(1, math.ceil(self.time.end * self.time.frame_rate * (1.0 - 1e-12)))
-
-    @classmethod
-    def completed(cls, tables: dict[str, Any]) -> dict[str, Any]:
-        """In 3D, side walls that are not given slip."""
-        size = tables.get("box", {}).get("size")
-        if isinstance(size, list) and len(size) == 3:
-            tables["walls"] = {"y_min": "slip", "y_max": "slip", **tables.get("walls", {})}
-        return tables
-
     def check(self) -> None:
         """Raise InputError unless dimensions agree, the column is inside the box and its walls exist."""
+        self.check_box(self.walls)
         box, column = self.box, self.column
-        if len(box.cells) != len(box.size):
-            raise InputError("box.cells", box.cells, f"{len(box.size)} numbers, as many as box.size has")
         room = box.size[0] - column.position
         if room <= 0.0:
             raise InputError(
@@ -202,17 +67,3 @@ class ColumnParameters(SceneParameters):
             raise InputError(
                 "column.height", column.height, f"at most {box.size[-1]:g} m, the height of the box"
             )
-        for face in ("y_min", "y_max"):
-            wall = getattr(self.walls, face)
-            if self.dimension == 2 and wall is not None:
-                raise InputError(f"walls.{face}", _wall_text(wall), "left out in 2D (x and z only)")
-        if self.frame_count > MOST_FRAMES:
-            raise InputError(
-                "time.frame_rate",
-                self.time.frame_rate,
-                f"such that there are fewer than {MOST_FRAMES + 1} frames",
-            )
-
-
-def _wall_text(wall: str | FrictionalWall) -> str:
-    return wall if isinstance(wall, str) else f"{{friction = {wall.friction:g}}}"
