@@ -261,6 +261,11 @@ class Problem:
             self._prepared[key] = make()
         return self._prepared[key]
 
+    def release(self) -> None:
+        """Drop what solvers have set up, which refers to the problem and would stay in memory until garbage is collected."""
+        self._prepared.clear()
+        self.__dict__.pop("origin", None)
+
     @cached_property
     def parameters(self) -> np.ndarray:
         """(n, 4) law parameters (mu, shear yield, tensile yield, dilatancy)."""

@@ -40,6 +40,7 @@ def coarse_start(setting: Setting, state: State, dt: float, step: StepProblem) -
         r0=coarse.start,
         max_iterations=options.max_sweeps,
     )
+    coarse.problem.release()
     r = solution.r.reshape(len(coarse.start), -1)
     found = _interpolated(below.grid, coarse.rows.ids, coarse.stresses(r), step.rows.places)
     count = len(step.rows.ids)

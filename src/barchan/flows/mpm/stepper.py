@@ -119,7 +119,9 @@ class Stepper:
                 self._rests(before), step.stresses(forces), bodies,
             )  # fmt: skip
         after = replace(after, **self._kept(step, forces, blocks[:count]))
-        return after, self._record(after, dt, step, solution, blocks[:count], substeps)
+        record = self._record(after, dt, step, solution, blocks[:count], substeps)
+        step.problem.release()
+        return after, record
 
     def _solve(self, state: State, step: StepProblem) -> Solution:
         choices: dict[str, Any] = {}

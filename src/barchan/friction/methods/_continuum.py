@@ -30,7 +30,7 @@ FIRST_WORK = 40.0
 POLISH_WORK = 3000
 # Sweeps of the first turn: they remove what is local, after which a gradient method takes a quarter of the time to carry
 # pressure (steps of collapsing columns of 1e3 to 6e3 nodes: 50 to 270 iterations after 30 sweeps, 400 sweeps and more alone).
-FIRST_SWEEPS = 30
+FIRST_SWEEPS = 80
 # The gradient method of the portfolio and its cost by block size: solving a block of 6 is dear, a sweep of blocks of 3 cheap.
 PLANE: tuple[Callable[..., None], float] = (apgd, 2.0)
 SPATIAL: tuple[Callable[..., None], float] = (aspg, 1.5)

@@ -10,7 +10,7 @@ import numpy as np
 
 from barchan.friction.methods._inertia import nesterov_inertia
 from barchan.friction.methods._options import check_counts
-from barchan.friction.methods._scaled import scaled_problem
+from barchan.friction.methods._scaled import ScaledProblem, scaled_problem
 from barchan.friction.methods._shift import FIRST_RATE, LaggedShift
 from barchan.friction.problem import Problem
 from barchan.friction.solution import Recorder
@@ -47,7 +47,7 @@ def aspg(
     shift = LaggedShift(scaled, u, shift_rate)
     projected = x
     inertia = 1.0
-    step = 1.0 / scaled.lipschitz
+    step = _first_step(scaled, -shift.added_to(u))
     limit = DEFAULT_ITERATIONS if max_iterations is None else max_iterations
     for iteration in range(limit + 1):
         last = iteration == limit
@@ -75,3 +75,11 @@ def aspg(
         spectral = np.vdot(following - x, change) / square if square > 0.0 else step
         step = min(LARGEST_STEP, max(SMALLEST_STEP, spectral)) if spectral > 0.0 else SMALLEST_STEP
         x, u = following, rates
+
+
+def _first_step(scaled: ScaledProblem, direction: np.ndarray) -> float:
+    """The step of steepest descent along the first direction: later steps are spectral, a bound of W would cost 25 products."""
+    curvature = float(np.vdot(direction, scaled.product(direction)))
+    if curvature <= 0.0:
+        return SMALLEST_STEP
+    return min(LARGEST_STEP, max(SMALLEST_STEP, float(np.vdot(direction, direction)) / curvature))
