@@ -328,3 +328,31 @@ def test_contacts_of_several_bodies_and_walls_have_names_of_their_own():
     assert np.count_nonzero(keys >= 0) == 9 * 9 + 9 * 5  # the floor, and the wall up to the height of the bed
     assert set(np.unique((-1 - keys[keys < 0]) % 2)) == {0, 1}
     assert np.all(state.contact_tractions[:, 0] >= 0.0)
+
+
+@pytest.mark.parametrize("d", DIMENSIONS)
+def test_a_free_body_falls_onto_the_floor_of_the_box_and_stays_there(d):
+    grid = RegularGrid(np.zeros(d), np.full(d, 0.05), np.full(d, 12))
+    edge = np.full(d, 0.06)
+    block = Body(Box(edge), density=3000.0, friction=0.4, position=np.append(np.full(d - 1, 0.4), 0.09))
+    grains = fill_box(grid, np.zeros(d), np.full(d, 0.1), 2, MATERIAL)
+    stepper = Stepper(grid, MATERIAL, Walls.cuve(d), options=Options(tolerance=1e-6), bodies=[block])
+    state, records = run(stepper, grains, 0.005, 40)
+    assert state.bodies.positions[0, -1] == pytest.approx(0.06, abs=1e-4)
+    assert np.linalg.norm(state.bodies.velocities[0]) < 1e-4
+    assert np.linalg.norm(state.bodies.spins[0]) < 1e-3
+    assert all(record.converged for record in records)
+
+
+def test_a_body_slides_along_the_floor_under_its_own_friction_and_no_face_lets_it_out():
+    grid = RegularGrid(np.zeros(2), np.full(2, 0.05), np.array([40, 8]))
+    grains = fill_box(grid, [1.9, 0.0], [2.0, 0.05], 2, MATERIAL)
+    block = Body(Box([0.08, 0.05]), density=2000.0, friction=0.3, position=[0.3, 0.05], velocity=[1.0, 0.0])
+    stepper = Stepper(grid, MATERIAL, Walls.cuve(2), options=Options(tolerance=1e-8), bodies=[block])
+    dt, steps = 0.005, 30
+    state, _ = run(stepper, grains, dt, steps)
+    assert state.bodies.velocities[0, 0] == pytest.approx(1.0 - 0.3 * 9.81 * dt * steps, abs=0.02)
+    fast = Body(Box([0.08, 0.05]), density=2000.0, friction=0.0, position=[0.3, 0.05], velocity=[-20.0, 0.0])
+    stepper = Stepper(grid, MATERIAL, Walls.cuve(2), options=Options(tolerance=1e-8), bodies=[fast])
+    state, _ = run(stepper, grains, dt, 10)
+    assert state.bodies.positions[0, 0] >= 0.08 - 1e-6

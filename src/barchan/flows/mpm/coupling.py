@@ -27,8 +27,10 @@ from barchan.bodies.rigid import (
 )
 from barchan.bodies.rigid.rotations import matrix
 from barchan.flows.mpm.bases import VelocityBasis
+from barchan.flows.mpm.body_walls import contacts_with_walls
 from barchan.flows.mpm.contacts import Contacts, frames_of
 from barchan.flows.mpm.velocity import VelocityField
+from barchan.flows.mpm.walls import Walls
 from barchan.spaces import RegularGrid
 
 Vector = NDArray[np.float64]
@@ -72,14 +74,22 @@ class Coupling:
         """Numbers of the bodies whose velocity is an unknown."""
         return [number for number, body in enumerate(self.bodies) if not is_driven(body)]
 
-    def contacts(self, states: BodyStates, velocity: VelocityField, dt: float, time: float) -> list[Contacts]:
-        """The contacts of each body with the matter."""
+    def contacts(
+        self, states: BodyStates, velocity: VelocityField, walls: Walls, dt: float, time: float
+    ) -> list[Contacts]:
+        """The contacts of each body with the matter, and of free ones with the walls."""
         order = {number: place for place, number in enumerate(self.free)}
         found = []
         for number in range(len(self.bodies)):
             contacts = self._of_body(number, states, velocity, dt, time, order.get(number, -1))
             if contacts is not None:
                 found.append(contacts)
+            if number in order:
+                row = states.row(number)
+                points = row.position + self.surfaces[number].points @ matrix(row.rotation).T
+                found += contacts_with_walls(
+                    self.grid, walls, self.bodies[number], row, points, number, order[number], dt
+                )
         return found
 
     def distances(self, number: int, states: BodyStates, points: Vector) -> tuple[Vector, Vector]:

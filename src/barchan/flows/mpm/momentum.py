@@ -137,7 +137,7 @@ def warm_start(setting: Setting, state: State, rows: StressRows, contacts: Conta
 def _contacts(setting: Setting, velocity: VelocityField, state: State, dt: float) -> Contacts:
     parts = [wall_contacts(velocity, setting.walls, _volumes(setting, velocity, state))]
     if setting.coupling is not None:
-        parts += setting.coupling.contacts(state.bodies, velocity, dt, state.time)
+        parts += setting.coupling.contacts(state.bodies, velocity, setting.walls, dt, state.time)
     return joined(parts, setting.grid.dimension)
 
 
