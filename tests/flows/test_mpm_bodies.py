@@ -23,6 +23,7 @@ from barchan.bodies.rigid.rotations import matrix
 from barchan.flows.mpm import Material, Options, State, Stepper, Wall, Walls, fill_box, fill_shape
 from barchan.flows.mpm.bases import VelocityBasis
 from barchan.flows.mpm.transfer import particles_to_grid
+from barchan.flows.mpm.walls import face_names
 from barchan.spaces import RegularGrid
 
 DIMENSIONS = [2, 3]
@@ -111,7 +112,8 @@ def test_forces_between_body_and_matter_are_opposite_and_have_no_moment(d, veloc
     grid = box(d)
     state = fill_box(grid, np.full(d, 0.25), np.append(np.full(d - 1, 0.75), 0.72), 2, MATERIAL)
     body = off_centre(d)
-    stepper = Stepper(grid, MATERIAL, Walls(), options=Options(velocity=velocity), bodies=[body])
+    walls = Walls({face: Wall("open") for face in face_names(d)})  # which hold nothing, not even the body
+    stepper = Stepper(grid, MATERIAL, walls, options=Options(velocity=velocity), bodies=[body])
     step = stepper._build(stepper.started(state), 1 / 240)
     contacts, count = step.contacts, len(step.velocity.ids)
     assert len(contacts) > 4
