@@ -12,6 +12,7 @@ from barchan import reproductions, scenes
 from barchan.reproductions import anisotropy, column_law, mpm_table, silo_discharge, tower_cohesion
 from barchan.reproductions.workshop import Workshop, published
 from barchan.scenes.kinds.sand.model import check_outlets
+from barchan.scenes.kinds.sand.options import remarks
 
 NAMES = (
     "heap_roundness", "column_law", "column_heights", "anisotropy", "column_profiles", "zhu_bridson", "silo_discharge",
@@ -66,7 +67,7 @@ def test_quick_silos_have_the_level_of_the_full_ones_and_open_outlets(
 
 def test_cohesion_is_lasting_only_where_the_stresses_can_hold_it() -> None:
     for _, overrides in tower_cohesion.CASES:
-        assert scenes.load("tower", **overrides).parameters.remarks() == []  # type: ignore[attr-defined]
+        assert remarks(scenes.load("tower", **overrides).parameters) == []  # type: ignore[arg-type]
 
 
 def test_a_small_reproduction_leaves_a_table_and_pictures(

@@ -14,6 +14,7 @@ import pytest
 from barchan import scenes
 from barchan.errors import InputError
 from barchan.scenes.kinds.sand.letters import pen_script, strokes_of, text_width
+from barchan.scenes.kinds.sand.options import remarks
 from barchan.scenes.toml_text import to_toml
 from barchan.scenes.validation import validate
 
@@ -214,15 +215,15 @@ class TestWhatIsRefused:
 
     def test_cohesion_that_the_stresses_cannot_hold_is_remarked_with_the_reason(self) -> None:
         tables = changed(material={"cohesion": 1e4})
-        with pytest.warns(UserWarning, match="vanishes wherever the volume fraction"):
+        with pytest.warns(UserWarning, match="erodes from the surface"):
             scenes.Scene(validate(tables)).model()
         for choice in (
             {"material": {"cohesion": 1e4, "cohesion_decay": 1.0}},
             {"material": {"cohesion": 0.0}},
         ):
-            assert validate(changed(**choice)).remarks() == []  # type: ignore[attr-defined]
+            assert remarks(validate(changed(**choice))) == []  # type: ignore[arg-type]
         held = changed(material={"cohesion": 1e4}, particles={"stress": "particles"})
-        assert validate(held).remarks() == []  # type: ignore[attr-defined]
+        assert remarks(validate(held)) == []  # type: ignore[arg-type]
 
 
 class TestLetters:

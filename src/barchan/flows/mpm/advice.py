@@ -16,11 +16,12 @@ def advice_on(materials: Material | Sequence[Material], options: Options) -> lis
     """Sentences to show to whoever starts a simulation with these materials and options; none when all is well."""
     found = (materials,) if isinstance(materials, Material) else tuple(materials)
     texts = []
-    if options.stress in CONTINUOUS and any(material.cohesive for material in found):
+    lasting = any(material.cohesive and material.cohesion_decay == 0.0 for material in found)
+    if lasting and options.stress in CONTINUOUS:
         texts.append(
             f"Cohesion with {options.stress} stresses erodes from the surface: it holds only where a stress stands in packed "
             "matter, and those at the surface, which they share with the cells around, lose it first. Stresses "
-            '"particles" or "Q1d" hold cohesive shapes (seed B, 7.3.3).'
+            '"particles" or "Q1d" hold cohesive shapes (seed B, 7.3.3), or give a cohesion_decay (7.5.2).'
         )
     if (options.velocity, options.stress) in UNFIT_PAIRS:
         texts.append(

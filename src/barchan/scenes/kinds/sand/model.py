@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from barchan.bodies.rigid import check_bodies
 from barchan.errors import InputError
-from barchan.flows.mpm import Material, Options, State, Stepper, StepRecord
-from barchan.flows.mpm.resampling import Resampling
-from barchan.friction import methods
+from barchan.flows.mpm import State, Stepper, StepRecord
 from barchan.scenes.granular.building import build_grid, build_walls, grid_fields, longest_step
 from barchan.scenes.kinds.sand.matter import initial_state
 from barchan.scenes.kinds.sand.motion import build_bodies
 from barchan.scenes.kinds.sand.observables import body_observables, matter_observables, observed
+from barchan.scenes.kinds.sand.options import build_materials, build_sand_options, remarks
 from barchan.scenes.kinds.sand.parameters import SandParameters
 from barchan.scenes.model import Arrays
 
@@ -27,13 +26,13 @@ class SandModel:
     """The model of a scene of kind "sand"; its states are `barchan.flows.mpm.State`.
 
     Raises InputError for bodies that overlap or are not in the box, an outlet narrower than a cell, options that do not fit.
-    Warns of choices that cannot do what they seem to ask for (`SandParameters.remarks`).
+    Warns of choices that cannot do what they seem to ask for (`options.remarks`).
     """
 
     def __init__(self, parameters: SandParameters) -> None:
         self._parameters = parameters
         self.grid_of_nodes = build_grid(parameters)
-        self.materials = [Material(**table.model_dump()) for table in parameters.all_materials().values()]
+        self.materials = build_materials(parameters)
         self.bodies = build_bodies(parameters)
         check_outlets(parameters)
         if self.bodies:
@@ -46,7 +45,7 @@ class SandModel:
             options=build_sand_options(parameters),
             bodies=tuple(self.bodies),
         )
-        for remark in parameters.remarks():
+        for remark in remarks(parameters):
             warnings.warn(remark, stacklevel=2)
 
     def initial(self) -> State:
@@ -112,41 +111,6 @@ class SandModel:
         """Volume (m^d) that was above the observed level at time 0."""
         start, level = self.initial(), self._parameters.observe.level
         return float(np.sum(start.volumes[start.positions[:, -1] > (level or 0.0)]))
-
-
-def build_sand_options(parameters: SandParameters) -> Options:
-    """Solver, spaces and transfers of the stepper. Raises InputError for choices that do not exist or do not fit."""
-    solver, particles = parameters.solver, parameters.particles
-    if solver.method not in methods():
-        raise InputError("solver.method", solver.method, "one of " + ", ".join(methods()))
-    return Options(
-        tolerance=solver.tolerance,
-        max_sweeps=solver.max_sweeps,
-        min_sweeps=solver.min_sweeps,
-        method=solver.method,
-        multilevel=solver.multilevel,
-        warm_start=solver.warm_start,
-        cfl=particles.move_cfl,
-        transfer=particles.transfer,
-        flip_share=particles.flip_share,
-        velocity=particles.velocity,
-        stress=particles.stress,
-        volume_correction=particles.volume_correction,
-        grains=particles.grains,
-        resampling=_resampling(parameters),
-    )
-
-
-def _resampling(parameters: SandParameters) -> Resampling | None:
-    """Splits and merges, no merged particle being as elongated as one that is split."""
-    particles = parameters.particles
-    if not particles.resample:
-        return None
-    ratio = particles.split_ratio
-    try:
-        return Resampling(split_ratio=ratio, merge_ratio=min(1.5, 0.5 * (1.0 + ratio)))
-    except InputError as error:
-        raise InputError(f"particles.{error.field.rpartition('.')[2]}", error.value, error.allowed) from None
 
 
 def check_outlets(parameters: SandParameters) -> None:

@@ -25,6 +25,7 @@ from barchan.scenes.granular.figures import (
     solver_figures,
 )
 from barchan.scenes.granular.surface import free_surface
+from barchan.scenes.kinds.sand.options import remarks
 from barchan.scenes.kinds.sand.parameters import SandParameters
 
 Vector = NDArray[np.float64]
@@ -167,7 +168,7 @@ def summarise(
         "most_particles": int(observables["particles"].max()),
         "most_active_nodes": int(steps["active_nodes"].max()),
         **solver_figures(steps, parameters.solver.tolerance),
-        "remarks": parameters.remarks(),
+        "remarks": remarks(parameters),
     }
     if not list(parameters.body_tables()):
         figures |= energy_figures(steps, observables)

@@ -203,22 +203,6 @@ class SandParameters(GranularParameters):
         if observe.until_share > 0.0 and observe.level is None:
             raise InputError("observe.level", "missing", "given with observe.until_share, m")
 
-    def remarks(self) -> list[str]:
-        """What a person should know before the run: choices that cannot do what they seem to ask for."""
-        stress = self.particles.stress
-        found = []
-        for name, material in self.all_materials().items():
-            lasting = material.cohesion > 0.0 and material.cohesion_decay == 0.0
-            if lasting and stress != "particles":
-                place = "material" if not name else f"materials.{name}"
-                found.append(
-                    f"{place}.cohesion = {material.cohesion:g} Pa will erode with particles.stress = {stress!r}: "
-                    "cohesion holds in packed matter only, it vanishes wherever the volume fraction is below its "
-                    "maximum (seed B, Remark 7.1), so a surface that is not aligned with the grid crumbles; use "
-                    "stress = 'particles', or give a cohesion_decay (7.5.2)"
-                )
-        return found
-
 
 def check_vectors(field: str, table: Group, names: tuple[str, ...], dimension: int) -> None:
     """Raise InputError unless the vectors of a table, where given, have `dimension` components."""
