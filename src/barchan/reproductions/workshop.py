@@ -22,7 +22,7 @@ from barchan.errors import InputError
 from barchan.results import Results
 from barchan.results import open as open_results
 from barchan.scenes.scene import observables_of
-from barchan.storage import replacing, unwritable, write_text
+from barchan.storage import unwritable, write_text
 
 RUNS_FOLDER = "runs"
 
@@ -130,18 +130,16 @@ class Workshop:
 
     def save(self, name: str, figure: Any) -> None:
         """A matplotlib figure as PNG, whole or not at all."""
-        with replacing(self.out / name) as temporary:
-            figure.savefig(temporary, format="png")
+        from barchan.results.figures import save_figure
+
+        save_figure(figure, self.out / name)
 
 
 def new_figure(width: float, height: float) -> Any:
-    """A matplotlib figure (inches) on its own canvas, outside pyplot's global state."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
+    """`barchan.results.figures.new_figure`; matplotlib is loaded when the first picture is drawn."""
+    from barchan.results.figures import new_figure as make
 
-    figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    return make(width, height)
 
 
 def published(name: str) -> list[dict[str, str]]:

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
@@ -25,7 +24,7 @@ from skfem import Mesh
 from barchan.errors import InputError
 from barchan.results.field_files import write_series, write_vtu
 from barchan.results.field_views import View, make_view, stream_grid
-from barchan.storage import replacing
+from barchan.results.figures import new_figure, save_figure
 
 __all__ = [
     "DIMENSIONLESS",
@@ -69,7 +68,6 @@ KINEMATIC: Mapping[str, str] = {
 }
 """Labels of axes and colour bars in SI units with stresses over the density (seed C 6.2.2)."""
 
-_DPI = 150
 _PANEL_INCHES = 3.6
 _LEAST_LOGARITHMIC = 1e-4
 _HATCH = "////"
@@ -190,12 +188,7 @@ def draw_panels(
     rows = -(-len(panels) // columns)
     # The longer side of a panel has the fixed length; its colour bar and labels come on top.
     scale = _PANEL_INCHES / max(width, 0.7 * height)
-    figure = Figure(
-        figsize=(columns * (scale * width + 1.5), rows * (scale * height + 0.55) + 0.4 * bool(title)),
-        dpi=_DPI,
-        layout="constrained",
-    )
-    FigureCanvasAgg(figure)
+    figure = new_figure(columns * (scale * width + 1.5), rows * (scale * height + 0.55) + 0.4 * bool(title))
     axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
     for axis, panel in zip(axes, panels, strict=False):
         _draw(figure, axis, view, panel)
@@ -209,8 +202,7 @@ def draw_panels(
             axis.set_ylabel(units["y"])
     if title:
         figure.suptitle(title, fontsize=11)
-    with replacing(Path(path)) as temporary:
-        figure.savefig(temporary, format="png")
+    save_figure(figure, Path(path))
 
 
 def _draw(figure: Figure, axis: Axes, view: View, panel: Panel) -> None:

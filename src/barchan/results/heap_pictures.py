@@ -12,21 +12,18 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from barchan.results.figures import new_figure, save_figure
 from barchan.results.heaps import HeightMap, Outline
 from barchan.results.pictures import COLOUR_MAP, scatter_speed
 from barchan.results.reader import Results
 from barchan.results.view import side_view, spread_frames
-from barchan.storage import replacing
 
 Vector = NDArray[np.float64]
 
 BODY_COLOUR = "0.62"
 _EDGE_COLOUR = "0.15"
-_DPI = 150
 _CONTOURS = 12
 
 
@@ -69,7 +66,7 @@ def draw_sections(path: Path, results: Results, bodies: Silhouettes, until: floa
         (2, 4.75) if view.aspect <= 1.0 else (3, max(4.75 / view.aspect, 2.0))
     )  # of a tall box, more beside
     rows = -(-len(frames) // columns)
-    figure = _figure(columns * panel + 1.9, rows * (panel * view.aspect + 0.42) + 0.75)
+    figure = new_figure(columns * panel + 1.9, rows * (panel * view.aspect + 0.42) + 0.75)
     axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)).ravel()
     points = None
     for axis, frame in zip(axes, frames, strict=False):
@@ -85,7 +82,7 @@ def draw_sections(path: Path, results: Results, bodies: Silhouettes, until: floa
     if points is not None:
         figure.colorbar(points, ax=list(axes), label="speed (m/s)", extend="max", shrink=0.9, pad=0.01)
     figure.suptitle(title, fontsize=11)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_field(path: Path, results: Results, name: str, label: str, bodies: Silhouettes, title: str) -> None:
@@ -100,7 +97,7 @@ def draw_field(path: Path, results: Results, name: str, label: str, bodies: Silh
         chosen = np.isclose(positions[:, 1], layer)
         positions, values = positions[chosen], values[chosen]
     width = 9.0
-    figure = _figure(width, max(width * 0.85 * box[-1] / box[0] + 1.0, 2.6))
+    figure = new_figure(width, max(width * 0.85 * box[-1] / box[0] + 1.0, 2.6))
     axis = figure.subplots()
     cells = results.scene["box"]["cells"]
     side = box[0] / cells[0] / box[0] * width * 0.85 * 72.0
@@ -111,7 +108,7 @@ def draw_field(path: Path, results: Results, name: str, label: str, bodies: Silh
     axis.set(xlim=(0.0, box[0]), ylim=(0.0, box[-1]), aspect="equal", xlabel="x (m)", ylabel="z (m)")
     figure.colorbar(points, ax=axis, label=label, shrink=0.9)
     axis.set_title(f"{title}, t = {results.times[-1]:.3g} s", fontsize=11, loc="left")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_relief(axis: Axes, heights: HeightMap, top: float) -> Any:
@@ -153,7 +150,7 @@ def draw_reliefs(
     columns = 2
     rows = -(-len(frames) // columns)
     panel = 4.2
-    figure = _figure(columns * panel + 1.6, rows * (panel * aspect + 0.5) + 0.7)
+    figure = new_figure(columns * panel + 1.6, rows * (panel * aspect + 0.5) + 0.7)
     axes = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
     image = None
     for axis, frame, one in zip(axes, frames, maps, strict=False):
@@ -174,7 +171,7 @@ def draw_reliefs(
     if image is not None:
         figure.colorbar(image, ax=list(axes), label="height (m)", shrink=0.9, pad=0.01)
     figure.suptitle(title, fontsize=11)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_curves(
@@ -182,7 +179,7 @@ def draw_curves(
 ) -> None:
     """Curves over time (s): one panel for each (label of the values, words of the legend -> values (frames,))."""
     shown = [(label, curves) for label, curves in panels if curves]
-    figure = _figure(8.0, 1.1 + 2.3 * len(shown))
+    figure = new_figure(8.0, 1.1 + 2.3 * len(shown))
     axes = np.atleast_1d(figure.subplots(len(shown), 1, sharex=True, squeeze=False)).ravel()
     for axis, (label, curves) in zip(axes, shown, strict=True):
         for words, values in curves.items():
@@ -192,16 +189,4 @@ def draw_curves(
         axis.legend(fontsize=8, loc="best")
     axes[-1].set_xlabel("time (s)")
     figure.suptitle(title, fontsize=11)
-    _save(figure, path)
-
-
-def _figure(width: float, height: float) -> Figure:
-    """A figure of the given size (inches) on its own Agg canvas."""
-    figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png")
+    save_figure(figure, path)

@@ -7,12 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
-from barchan.storage import replacing
-
-_DPI = 150
+from barchan.results.figures import new_figure, save_figure
 
 
 def draw_lines(
@@ -33,8 +29,7 @@ def draw_lines(
     labels : of the abscissa and of the values, with units.  upright : the abscissa is drawn upwards.
     logarithmic : the values by order of magnitude; those that are not positive are left out.
     """
-    figure = Figure(figsize=(6.4, 4.8), dpi=_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(6.4, 4.8)
     axis = figure.subplots()
     for words, values in drawn.items():
         style: dict[str, Any] = {"linestyle": "--", "color": "black"} if "exact" in words else {}
@@ -47,5 +42,4 @@ def draw_lines(
     axis.grid(alpha=0.3)
     if len(drawn) > 1:
         axis.legend(fontsize=8)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png")
+    save_figure(figure, path)

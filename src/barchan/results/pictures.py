@@ -10,16 +10,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import PathCollection
-from matplotlib.figure import Figure
 
+from barchan.results.figures import new_figure, save_figure
 from barchan.results.reader import Results
 from barchan.results.view import SideView, side_points, side_view, spread_frames
-from barchan.storage import replacing
 
 COLOUR_MAP = "viridis"
-_DPI = 150
 
 
 def draw_strip(path: Path, results: Results, until: float, title: str) -> None:
@@ -28,7 +25,7 @@ def draw_strip(path: Path, results: Results, until: float, title: str) -> None:
     view = side_view(results, frames)
     rows = -(-len(frames) // 2)
     panel_width = 4.75
-    figure = _figure(2 * panel_width + 1.9, rows * (panel_width * view.aspect + 0.42) + 0.75)
+    figure = new_figure(2 * panel_width + 1.9, rows * (panel_width * view.aspect + 0.42) + 0.75)
     axes = np.atleast_1d(figure.subplots(rows, 2, sharex=True, sharey=True, squeeze=False)).ravel()
     points = None
     for axis, frame in zip(axes, frames, strict=False):
@@ -43,7 +40,7 @@ def draw_strip(path: Path, results: Results, until: float, title: str) -> None:
     if points is not None:
         figure.colorbar(points, ax=list(axes), label="speed (m/s)", extend="max", shrink=0.9, pad=0.01)
     figure.suptitle(title, fontsize=11)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def scatter_speed(
@@ -72,7 +69,7 @@ def draw_profile(
     box : length and height of the box (m).
     """
     width = 9.0
-    figure = _figure(width, max(width * 0.85 * box[1] / box[0] + 1.3, 2.6))
+    figure = new_figure(width, max(width * 0.85 * box[1] / box[0] + 1.3, 2.6))
     axis = figure.subplots()
     axis.fill_between(x, final, color="#d9b26f", label="heap at the end", linewidth=0.0)
     axis.plot(x, final, color="#7a4e12", linewidth=1.2)
@@ -87,7 +84,7 @@ def draw_profile(
     )  # fmt: skip
     axis.legend(loc="upper right", bbox_to_anchor=(0.97, 0.96), fontsize=8, framealpha=1.0)
     axis.set_title(title, fontsize=11, loc="left")
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_observables(
@@ -103,7 +100,7 @@ def draw_observables(
     `observables` also front, front_bulk and height. Energies are joules, in 2D joules per metre of depth.
     """
     unit = "J/m" if dimension == 2 else "J"
-    figure = _figure(8.0, 6.4)
+    figure = new_figure(8.0, 6.4)
     energy, place = figure.subplots(2, 1, sharex=True)
     time, kinetic, potential = (
         np.concatenate([observables[name][:1], steps[name]])
@@ -127,16 +124,4 @@ def draw_observables(
         axis.grid(alpha=0.3)
         axis.legend(fontsize=8, loc="best")
     figure.suptitle(title, fontsize=11)
-    _save(figure, path)
-
-
-def _figure(width: float, height: float) -> Figure:
-    """A figure of the given size (inches) on its own Agg canvas, outside pyplot's global state."""
-    figure = Figure(figsize=(width, height), dpi=_DPI, layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with replacing(path) as temporary:
-        figure.savefig(temporary, format="png")
+    save_figure(figure, path)
