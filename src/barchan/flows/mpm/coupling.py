@@ -39,6 +39,8 @@ Vector = NDArray[np.float64]
 FINENESS = 2.5
 # Where the normals around a node differ more than this (length of their mean), it has a contact for each direction they face.
 COHERENCE = 0.8
+# Functions with this share of the largest mass around a boundary point count half as much as their value there.
+NEGLIGIBLE_MASS = 0.3
 SMALLEST_AREA = 1e-4  # of a face of a cell
 # Points of a boundary that lies in a face of the grid belong to the cell outside of the body (in cells).
 OUTWARDS = 1e-6
@@ -177,10 +179,9 @@ class Coupling:
         patches, keys = _patches(
             hats, points, normals, self.surfaces[number].areas[chosen], number, len(self.bodies)
         )
-        shapes = velocity.basis.evaluate(points)
-        rows = velocity.numbers[velocity.basis.of_cells(shapes.cells)]
+        rows, shares, points = _matter_at(velocity, points)
         there = sp.csr_array(
-            (shapes.weights.reshape(-1), rows.reshape(-1), np.arange(len(points) + 1) * rows.shape[1]),
+            (shares.reshape(-1), rows.reshape(-1), np.arange(len(points) + 1) * rows.shape[1]),
             shape=(len(points), len(velocity.ids)),
         )
         weights = sp.csr_array(patches @ there)
@@ -203,6 +204,20 @@ class Coupling:
             weights.indptr.astype(np.int32), weights.indices.astype(np.int32), weights.data,
             np.full(len(keys), place), columns, driven,
         )  # fmt: skip
+
+
+def _matter_at(velocity: VelocityField, points: Vector) -> tuple[NDArray[np.int32], Vector, Vector]:
+    """Velocity numbers (m, j), shares (m, j) and centres (m, d) [m] of the matter that touches boundary points (m, d).
+
+    A function counts by its value, but those with next to no mass do not: one that lies almost wholly in the body would give way
+    for all the others. The mean of an affine field is its value at the centre of the shares, where the body is then taken too.
+    """
+    shapes = velocity.basis.evaluate(points)
+    rows = velocity.numbers[velocity.basis.of_cells(shapes.cells)]
+    masses = velocity.masses[rows]
+    shares = shapes.weights * masses / (masses + NEGLIGIBLE_MASS * np.max(masses, axis=1, keepdims=True))
+    shares /= np.sum(shares, axis=1, keepdims=True)
+    return rows, shares, np.einsum("mj,mjd->md", shares, velocity.places[rows])
 
 
 def _patches(
