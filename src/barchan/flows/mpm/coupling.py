@@ -209,8 +209,8 @@ class Coupling:
 def _matter_at(velocity: VelocityField, points: Vector) -> tuple[NDArray[np.int32], Vector, Vector]:
     """Velocity numbers (m, j), shares (m, j) and centres (m, d) [m] of the matter that touches boundary points (m, d).
 
-    A function counts by its value, but those with next to no mass do not: one that lies almost wholly in the body would give way
-    for all the others. The mean of an affine field is its value at the centre of the shares, where the body is then taken too.
+    A function counts by its value, but those with next to no mass do not: one that lies almost wholly in the body would give
+    way for all the others. The mean of an affine field is its value at the centre of the shares: there the body is taken too.
     """
     shapes = velocity.basis.evaluate(points)
     rows = velocity.numbers[velocity.basis.of_cells(shapes.cells)]
