@@ -358,3 +358,12 @@ def test_a_body_slides_along_the_floor_under_its_own_friction_and_no_face_lets_i
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), options=Options(tolerance=1e-8), bodies=[fast])
     state, _ = run(stepper, grains, dt, 10)
     assert state.bodies.positions[0, 0] >= 0.08 - 1e-6
+
+
+def test_a_body_that_starts_half_outside_of_the_box_is_not_thrown_into_it():
+    grid = RegularGrid(np.zeros(2), np.full(2, 0.05), np.array([12, 8]))
+    grains = fill_box(grid, [0.0, 0.0], [0.6, 0.1], 2, MATERIAL)
+    wheel = Body(Sphere(0.1, dimension=2), density=2000.0, position=[0.3, 0.35])
+    stepper = Stepper(grid, MATERIAL, Walls.cuve(2), bodies=[wheel])
+    state, _ = run(stepper, grains, 0.005, 4)
+    assert state.bodies.velocities[0, 1] == pytest.approx(-9.81 * 0.02, rel=1e-6)

@@ -55,12 +55,9 @@ def contacts_with_walls(
         chosen = _outermost(np.delete(points[level], axis, axis=1))
         normal = np.zeros(d)
         normal[axis] = -1.0 if upper else 1.0
+        room = np.maximum(gaps[level[chosen]], 0.0) / dt  # a body that starts half outside is not thrown in
         names = FIRST_NAME + (number * 2 * d + face) * SLOTS + np.arange(len(chosen))
-        found.append(
-            _contacts(
-                grid, body, state, points[level[chosen]], gaps[level[chosen]] / dt, normal, names, place
-            )
-        )
+        found.append(_contacts(grid, body, state, points[level[chosen]], room, normal, names, place))
     return found
 
 
