@@ -41,6 +41,8 @@ FINENESS = 2.5
 COHERENCE = 0.8
 # Functions with this share of the largest mass around a boundary point count half as much as their value there.
 NEGLIGIBLE_MASS = 0.3
+# Names of the contacts of functions inside bodies lie below those of patches, and above those of bodies with walls.
+FIRST_INSIDE = -(2**61)
 SMALLEST_AREA = 1e-4  # of a face of a cell
 # Points of a boundary that lies in a face of the grid belong to the cell outside of the body (in cells).
 OUTWARDS = 1e-6
@@ -86,6 +88,9 @@ class Coupling:
             contacts = self._of_body(number, states, velocity, dt, time, order.get(number, -1))
             if contacts is not None:
                 found.append(contacts)
+            inside = self._inside(number, states, velocity, dt, time, order.get(number, -1))
+            if inside is not None:
+                found.append(inside)
             if number in order:
                 row = states.row(number)
                 points = row.position + self.surfaces[number].points @ matrix(row.rotation).T
@@ -189,21 +194,49 @@ class Coupling:
         areas = np.asarray(patches.sum(axis=1)).reshape(-1)
         mean = patches @ normals
         lengths = np.linalg.norm(mean, axis=1)
-        moving = contact_columns(body, states.row(number), points)
-        if place < 0:
-            blocks = predicted_velocities(body, states.row(number), np.zeros(d), dt, time)
-            driven = patches @ np.einsum("pbij,bj->pi", moving, blocks)
-            columns = np.zeros((len(keys), 2, d, d))
-        else:
-            driven = np.zeros((len(keys), d))
-            held = np.isinf(generalised_masses(body, states.row(number)))
-            moving = np.where(held[None, :, None, :], 0.0, moving)
-            columns = (patches @ moving.reshape(len(points), -1)).reshape(len(keys), 2, d, d)
+        moving = self._boundary_velocities(number, states, points, dt, time, place)
+        columns = (patches @ moving[0].reshape(len(points), -1)).reshape(len(keys), 2, d, d)
+        driven = patches @ moving[1]
         return Contacts(
             keys, areas, frames_of(mean / lengths[:, None]), np.full(len(keys), float(body.friction)),
             weights.indptr.astype(np.int32), weights.indices.astype(np.int32), weights.data,
             np.full(len(keys), place), columns, driven,
         )  # fmt: skip
+
+    def _inside(
+        self, number: int, states: BodyStates, velocity: VelocityField, dt: float, time: float, place: int
+    ) -> Contacts | None:
+        """Contacts of the functions whose places lie in the body: they may not move deeper into it.
+
+        Falling freely, they would let the cells that the boundary cuts dilate without end, and matter above pack as much.
+        """
+        body, d = self.bodies[number], self.grid.dimension
+        depth, local = self.distances(number, states, velocity.places)
+        deep = np.flatnonzero(depth < 0.0)
+        if len(deep) == 0:
+            return None
+        count, points = len(deep), velocity.places[deep]
+        normals = body.shape.normals(local[deep]) @ matrix(states.rotations[number]).T
+        area = float(np.prod(self.grid.spacing)) ** ((d - 1.0) / d)
+        columns, driven = self._boundary_velocities(number, states, points, dt, time, place)
+        names = FIRST_INSIDE - (velocity.ids[deep] * len(self.bodies) + number)
+        return Contacts(
+            names, np.full(count, area), frames_of(normals), np.full(count, float(body.friction)),
+            np.arange(count + 1, dtype=np.int32), deep.astype(np.int32), np.full(count, area),
+            np.full(count, place), area * columns, area * driven,
+        )  # fmt: skip
+
+    def _boundary_velocities(
+        self, number: int, states: BodyStates, points: Vector, dt: float, time: float, place: int
+    ) -> tuple[Vector, Vector]:
+        """How a body moves at points (m, d): (m, 2, d, d) by its unknowns if it is free, and (m, d) as given if it is not."""
+        body, d = self.bodies[number], self.grid.dimension
+        moving = contact_columns(body, states.row(number), points)
+        if place < 0:
+            blocks = predicted_velocities(body, states.row(number), np.zeros(d), dt, time)
+            return np.zeros_like(moving), np.einsum("pbij,bj->pi", moving, blocks)
+        held = np.isinf(generalised_masses(body, states.row(number)))
+        return np.where(held[None, :, None, :], 0.0, moving), np.zeros((len(points), d))
 
 
 def _matter_at(velocity: VelocityField, points: Vector) -> tuple[NDArray[np.int32], Vector, Vector]:
