@@ -21,10 +21,10 @@ import numpy as np
 from _table import environment, print_table
 
 PHASES = {
-    "transfer": ("particles_to_grid", "grid_to_particles"),
-    "assembly": ("build_step_problem",),
+    "assembly": ("build_step_problem",),  # with the way from the particles to the grid
     "solve": ("solve",),
-    "move": ("volume_shift", "within_energy", "substeps_needed", "move_particles"),
+    "correction": ("volume_shift", "within_energy"),
+    "particles": ("follow_flow",),  # the way back, and the move
 }
 """Functions the stepper calls, by phase; the rest of a step is book-keeping."""
 
