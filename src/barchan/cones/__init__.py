@@ -26,6 +26,7 @@ from barchan.cones.tensors import (
     friction_from_angle,
     normalised_friction,
     physical_friction,
+    strain_tensor,
     tensor_block_size,
 )
 
@@ -51,5 +52,6 @@ __all__ = [
     "project_polar_cone",
     "project_second_order_cone",
     "project_truncated_cone",
+    "strain_tensor",
     "tensor_block_size",
 ]

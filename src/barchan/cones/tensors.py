@@ -5,6 +5,7 @@ Seed B: Definition 6.1 and Properties 6.1-6.2 (chi), 0.3.2 (Mohr-Coulomb, Drucke
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any, Literal, overload
 
 import numpy as np
@@ -176,3 +177,16 @@ def _non_negative(field: str, value: ArrayLike) -> FloatArray:
 def _like(given: Any, result: FloatArray) -> float | FloatArray:
     """A float for a number, an array for an array."""
     return float(result) if np.ndim(given) == 0 else np.asarray(result)
+
+
+@lru_cache(maxsize=2)
+def strain_tensor(d: int) -> FloatArray:
+    """(s, d, d): T with T[:, c, k] g_k = 2 chi^-1(sym(e_c (x) g)); the 2 makes up for <s, t> = s:t/2.
+
+    Strain operators have blocks T g: a velocity along axis c whose shape function has the gradient g.
+    """
+    unit = np.eye(d)
+    outer = np.einsum("ca,kb->ckab", unit, unit)
+    symmetric = 0.5 * (outer + np.swapaxes(outer, -1, -2))
+    tensor = np.ascontiguousarray(np.moveaxis(2.0 * chi_inverse(symmetric), -1, 0))
+    return tensor

@@ -20,24 +20,13 @@ its stress vanishes, for nothing but the wall holds it. With contacts a resting 
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from barchan.cones import chi_inverse, tensor_block_size
+from barchan.cones import strain_tensor, tensor_block_size
 from barchan.flows.dry._kernels import fill_strain, overlap
 from barchan.flows.dry.cells import Cells
-
-
-@lru_cache(maxsize=2)
-def strain_tensor(dimension: int) -> NDArray[np.float64]:
-    """(s, d, d): T with T[:, c, k] a_k = 2 chi^-1(sym(e_c (x) a)); the 2 makes up for <s, t> = s:t/2."""
-    unit = np.eye(dimension)
-    outer = np.einsum("ca,kb->ckab", unit, unit)
-    symmetric = 0.5 * (outer + np.swapaxes(outer, -1, -2))
-    return np.ascontiguousarray(np.moveaxis(2.0 * chi_inverse(symmetric), -1, 0))
 
 
 def strain_operator(

@@ -6,26 +6,15 @@ with the particles as quadrature points.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from barchan.cones import chi_inverse, tensor_block_size
+from barchan.cones import strain_tensor, tensor_block_size
 from barchan.flows.mpm._kernels import fill_strain_blocks, gather_viscous_blocks
 from barchan.flows.mpm.stencil import moment_tables
 from barchan.flows.mpm.stresses import StressRows
 from barchan.flows.mpm.transfer import GridMatter
-
-
-@lru_cache(maxsize=2)
-def _strain_tensor(dimension: int) -> NDArray[np.float64]:
-    """(s, d, d): T with T[:, c, k] g_k = 2 chi^-1(sym(e_c (x) g)); the 2 makes up for <s, t> = s:t/2."""
-    unit = np.eye(dimension)
-    outer = np.einsum("ca,kb->ckab", unit, unit)
-    symmetric = 0.5 * (outer + np.swapaxes(outer, -1, -2))
-    return np.ascontiguousarray(np.moveaxis(2.0 * chi_inverse(symmetric), -1, 0))
 
 
 def strain_operator(
@@ -40,7 +29,7 @@ def strain_operator(
     d = free.shape[1]
     size = tensor_block_size(d)
     data = np.empty((len(rows.indices), size, d))
-    fill_strain_blocks(rows.gradients, rows.indices, _strain_tensor(d), free, data)
+    fill_strain_blocks(rows.gradients, rows.indices, strain_tensor(d), free, data)
     if inverse_metric is not None:
         row_of = np.repeat(np.arange(len(rows.ids)), np.diff(rows.indptr))
         data = np.ascontiguousarray(inverse_metric[row_of] @ data)

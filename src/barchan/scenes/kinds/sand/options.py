@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from barchan.errors import InputError
 from barchan.flows.mpm import Material, Options, Resampling
 from barchan.flows.mpm.advice import advice_on
-from barchan.friction import methods
+from barchan.scenes.granular.building import build_options
 from barchan.scenes.kinds.sand.parameters import SandParameters
 
 
@@ -22,17 +24,10 @@ def remarks(parameters: SandParameters) -> list[str]:
 def build_sand_options(parameters: SandParameters) -> Options:
     """Solver, spaces and transfers of the stepper. Raises InputError for choices that do not exist or do not fit."""
     solver, particles = parameters.solver, parameters.particles
-    if solver.method not in methods():
-        raise InputError("solver.method", solver.method, "one of " + ", ".join(methods()))
-    return Options(
-        tolerance=solver.tolerance,
-        max_sweeps=solver.max_sweeps,
-        min_sweeps=solver.min_sweeps,
-        method=solver.method,
+    return replace(
+        build_options(solver, particles),
         multilevel=solver.multilevel,
         warm_start=solver.warm_start,
-        cfl=particles.move_cfl,
-        transfer=particles.transfer,
         flip_share=particles.flip_share,
         velocity=particles.velocity,
         stress=particles.stress,
