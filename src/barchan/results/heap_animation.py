@@ -12,10 +12,17 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from barchan.results.animation import LARGEST_SIZE, _encode
-from barchan.results.heap_pictures import Heights, Silhouettes, contour_lines, draw_bodies, draw_relief
+from barchan.results.heap_pictures import (
+    Heights,
+    Silhouettes,
+    contour_lines,
+    draw_bodies,
+    draw_relief,
+    view_with_bodies,
+)
 from barchan.results.pictures import scatter_speed
 from barchan.results.reader import Results
-from barchan.results.view import SideView, side_points, side_view, spread_frames
+from barchan.results.view import SideView, side_points, spread_frames
 from barchan.storage import write_bytes
 
 _SIZES = ((8.0, 60), (6.5, 40), (5.0, 25), (4.0, 16))  # width in inches at 100 dpi, number of frames
@@ -55,7 +62,7 @@ class _Stage:
         title: str,
     ) -> None:
         self.results, self.frames, self.sides, self.above = results, frames, sides, above
-        view = side_view(results, frames)
+        view = view_with_bodies(results, frames, sides)
         panels = 1 if above is None else 2
         panel = width / panels
         box = results.scene["box"]["size"]

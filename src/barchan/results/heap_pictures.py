@@ -6,7 +6,7 @@ Bodies are given as level sets on the plane of the picture, one list for each fr
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +18,14 @@ from barchan.results.figures import new_figure, save_figure
 from barchan.results.heaps import HeightMap, Outline
 from barchan.results.pictures import COLOUR_MAP, scatter_speed
 from barchan.results.reader import Results
-from barchan.results.view import side_view, spread_frames
+from barchan.results.view import SideView, side_view, spread_frames
 
 Vector = NDArray[np.float64]
 
 BODY_COLOUR = "0.62"
 _EDGE_COLOUR = "0.15"
 _CONTOURS = 12
+_BODY_MARGIN = 1.03
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +59,22 @@ def draw_bodies(axis: Axes, silhouettes: Sequence[LevelSet]) -> list[Any]:
     return artists
 
 
+def view_with_bodies(results: Results, frames: list[int], bodies: Silhouettes) -> SideView:
+    """A window on the x-z plane that holds the particles and the bodies of all given frames, clipped to the box."""
+    view, box = side_view(results, frames), results.scene["box"]["size"]
+    width, height = view.width, view.height
+    for body in (body for frame in frames for body in bodies(frame)):
+        inside = body.values < 0.0
+        if np.any(inside):
+            width = max(width, float(body.x[np.any(inside, axis=1)].max()))
+            height = max(height, _BODY_MARGIN * float(body.y[np.any(inside, axis=0)].max()))
+    return replace(view, width=min(width, box[0]), height=min(height, box[-1]))
+
+
 def draw_sections(path: Path, results: Results, bodies: Silhouettes, until: float, title: str) -> None:
     """Six frames from the start to time `until` (s) and the last, particles coloured by speed, with the bodies."""
     frames = spread_frames(results, 6, until)
-    view = side_view(results, frames)
+    view = view_with_bodies(results, frames, bodies)
     columns, panel = (
         (2, 4.75) if view.aspect <= 1.0 else (3, max(4.75 / view.aspect, 2.0))
     )  # of a tall box, more beside
