@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from stepping import run
 
 from barchan.bodies.rigid import (
     Body,
@@ -36,14 +37,6 @@ def box(d: int, size: float = 1.0, cells: int = 12) -> RegularGrid:
 
 def ball(d: int, radius: float, density: float, **how) -> Body:
     return Body(Sphere(radius, dimension=2) if d == 2 else Sphere(radius), density=density, **how)
-
-
-def run(stepper: Stepper, state: State, dt: float, steps: int):
-    records = []
-    for _ in range(steps):
-        state, record = stepper.advance(state, dt)
-        records.append(record)
-    return state, records
 
 
 def wedge(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -155,7 +148,7 @@ def test_a_plate_brakes_a_sliding_block_by_its_coulomb_friction(d, friction):
     options = Options(tolerance=1e-7, max_sweeps=10000)
     stepper = Stepper(grid, material, Walls(), options=options, bodies=[plate])
     dt, steps = 0.005, 8
-    state, _ = run(stepper, State.from_arrays(start.arrays() | {"velocities": velocities}), dt, steps)
+    state, _ = run(stepper, State.from_arrays(start.arrays() | {"velocities": velocities}), steps, dt)
     mean = state.volumes @ state.velocities / np.sum(state.volumes)
     assert mean[0] == pytest.approx(1.0 - friction * 9.81 * dt * steps, abs=0.01)
     assert abs(mean[-1]) < 0.03  # its vertical faces slump
@@ -176,7 +169,7 @@ def test_a_piston_raises_the_bed_on_it_at_its_speed(d):
     start = fill_box(grid, low, high, 2, MATERIAL)
     # Without the volume correction, which moves packed matter off the lattice by some hundredths of a cell.
     options = Options(tolerance=1e-8, max_sweeps=20000, volume_correction=0.0)
-    state, _ = run(Stepper(grid, MATERIAL, Walls(), options=options, bodies=[piston]), start, 1 / 200, 20)
+    state, _ = run(Stepper(grid, MATERIAL, Walls(), options=options, bodies=[piston]), start, 20, 1 / 200)
     assert np.mean(state.velocities[:, -1]) == pytest.approx(speed, rel=0.03)
     np.testing.assert_allclose(state.positions[:, -1], start.positions[:, -1] + 0.1 * speed, atol=0.05 * 0.05)
     assert state.bodies.positions[0, -1] == pytest.approx(0.1 * speed, rel=1e-9)
@@ -223,7 +216,7 @@ def test_no_particle_is_left_inside_a_fast_body():
 def test_a_body_lighter_than_sand_lies_on_it():
     grid, state, body = bed_with_ball(2, 100.0)
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), bodies=[body])
-    state, _ = run(stepper, state, 1 / 240, 60)
+    state, _ = run(stepper, state, 60, 1 / 240)
     assert state.bodies.positions[0, 1] == pytest.approx(0.68, abs=0.03)
     assert abs(state.bodies.velocities[0, 1]) < 0.02
 
@@ -237,7 +230,7 @@ def test_a_light_body_inside_the_sand_does_not_rise_and_a_liquid_lifts_it():
     for friction in (0.0, 0.7):
         material = Material(1500.0, friction)
         stepper = Stepper(grid, material, Walls.cuve(2), bodies=[body])
-        state, _ = run(stepper, bed, 1 / 240, 40)
+        state, _ = run(stepper, bed, 40, 1 / 240)
         rises[friction] = state.bodies.positions[0, 1] - 0.35
     assert rises[0.0] > 0.03
     assert abs(rises[0.7]) < 0.2 * rises[0.0]
@@ -281,10 +274,10 @@ def test_a_gate_holds_a_column_until_it_is_lifted():
         motion=Prescribed([0.0, 0.1, 0.2], [[0.28, 0.25], [0.28, 0.25], [0.28, 0.8]]),
     )  # fmt: skip
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), bodies=[gate])
-    held, _ = run(stepper, start, 1 / 240, 24)
+    held, _ = run(stepper, start, 24, 1 / 240)
     assert np.max(held.positions[:, 0]) < 0.2501
     np.testing.assert_allclose(held.positions, start.positions, atol=0.003)
-    free, _ = run(stepper, held, 1 / 240, 60)
+    free, _ = run(stepper, held, 60, 1 / 240)
     assert np.max(free.positions[:, 0]) > 0.32
 
 
@@ -296,7 +289,7 @@ def test_components_that_are_held_stay_and_the_others_move():
         motion=Free(held=("x", "spin")),
     )  # fmt: skip
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), bodies=[body])
-    state, _ = run(stepper, state, 1 / 240, 30)
+    state, _ = run(stepper, state, 30, 1 / 240)
     assert state.bodies.positions[0, 0] == 0.35
     assert state.bodies.rotations[0, 0] == pytest.approx(0.4, abs=1e-15)
     assert state.bodies.positions[0, 1] < 0.58
@@ -304,8 +297,8 @@ def test_components_that_are_held_stay_and_the_others_move():
     other, _ = run(
         Stepper(grid, MATERIAL, Walls.cuve(2), bodies=[loose]),
         fill_box(grid, [0, 0], [1, 0.4], 2, MATERIAL),
-        1 / 240,
         30,
+        1 / 240,
     )
     assert abs(other.bodies.rotations[0, 0] - 0.4) > 0.02
 
@@ -323,7 +316,7 @@ def test_contacts_of_several_bodies_and_walls_have_names_of_their_own():
     ]
     walls = Walls({"z_min": Wall("friction", 0.3), "x_min": Wall("friction", 0.2)})
     stepper = Stepper(grid, MATERIAL, walls, bodies=bodies)
-    state, _ = run(stepper, state, 1 / 240, 2)
+    state, _ = run(stepper, state, 2, 1 / 240)
     keys = state.contact_keys
     assert len(np.unique(keys)) == len(keys)
     assert np.count_nonzero(keys < 0) > 20
@@ -339,7 +332,7 @@ def test_a_free_body_falls_onto_the_floor_of_the_box_and_stays_there(d):
     block = Body(Box(edge), density=3000.0, friction=0.4, position=np.append(np.full(d - 1, 0.4), 0.09))
     grains = fill_box(grid, np.zeros(d), np.full(d, 0.1), 2, MATERIAL)
     stepper = Stepper(grid, MATERIAL, Walls.cuve(d), options=Options(tolerance=1e-6), bodies=[block])
-    state, records = run(stepper, grains, 0.005, 40)
+    state, records = run(stepper, grains, 40, 0.005)
     assert state.bodies.positions[0, -1] == pytest.approx(0.06, abs=1e-4)
     assert np.linalg.norm(state.bodies.velocities[0]) < 1e-4
     assert np.linalg.norm(state.bodies.spins[0]) < 1e-3
@@ -352,11 +345,11 @@ def test_a_body_slides_along_the_floor_under_its_own_friction_and_no_face_lets_i
     block = Body(Box([0.08, 0.05]), density=2000.0, friction=0.3, position=[0.3, 0.05], velocity=[1.0, 0.0])
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), options=Options(tolerance=1e-8), bodies=[block])
     dt, steps = 0.005, 30
-    state, _ = run(stepper, grains, dt, steps)
+    state, _ = run(stepper, grains, steps, dt)
     assert state.bodies.velocities[0, 0] == pytest.approx(1.0 - 0.3 * 9.81 * dt * steps, abs=0.02)
     fast = Body(Box([0.08, 0.05]), density=2000.0, friction=0.0, position=[0.3, 0.05], velocity=[-20.0, 0.0])
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), options=Options(tolerance=1e-8), bodies=[fast])
-    state, _ = run(stepper, grains, dt, 10)
+    state, _ = run(stepper, grains, 10, dt)
     assert state.bodies.positions[0, 0] >= 0.08 - 1e-6
 
 
@@ -365,5 +358,5 @@ def test_a_body_that_starts_half_outside_of_the_box_is_not_thrown_into_it():
     grains = fill_box(grid, [0.0, 0.0], [0.6, 0.1], 2, MATERIAL)
     wheel = Body(Sphere(0.1, dimension=2), density=2000.0, position=[0.3, 0.35])
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2), bodies=[wheel])
-    state, _ = run(stepper, grains, 0.005, 4)
+    state, _ = run(stepper, grains, 4, 0.005)
     assert state.bodies.velocities[0, 1] == pytest.approx(-9.81 * 0.02, rel=1e-6)

@@ -6,25 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stepping import DT, grid_of, run
 
 from barchan.cones import chi
-from barchan.flows.mpm import Material, Options, State, Stepper, Wall, Walls, fill_box, joined
+from barchan.flows.mpm import Material, Options, Stepper, Wall, Walls, fill_box, joined
 from barchan.flows.mpm.orientation import aligned, isotropic
-from barchan.spaces import RegularGrid
-
-DT = 1 / 240
-
-
-def grid_of(cells: tuple[int, ...], edge: float = 0.05) -> RegularGrid:
-    return RegularGrid(np.zeros(len(cells)), np.full(len(cells), edge), np.array(cells))
-
-
-def run(stepper: Stepper, state: State, steps: int, dt: float = DT):
-    records = []
-    for _ in range(steps):
-        state, record = stepper.advance(state, dt)
-        records.append(record)
-    return state, records
 
 
 @pytest.mark.parametrize("stress", ["Q1", "Q1d", "particles"])

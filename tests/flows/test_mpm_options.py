@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from stepping import DT, grid_of, run
 
 from barchan.bodies.rigid import Body, Box, Fixed, Sphere
 from barchan.flows.mpm import Material, Options, Resampling, State, Stepper, Wall, Walls, fill_box, joined
@@ -15,19 +16,6 @@ from barchan.flows.mpm.orientation import aligned
 from barchan.spaces import RegularGrid
 
 MATERIAL = Material(1500.0, 0.5)
-DT = 1 / 240
-
-
-def grid_of(cells: tuple[int, ...], edge: float = 0.05) -> RegularGrid:
-    return RegularGrid(np.zeros(len(cells)), np.full(len(cells), edge), np.array(cells))
-
-
-def run(stepper: Stepper, state: State, steps: int, dt: float = DT):
-    records = []
-    for _ in range(steps):
-        state, record = stepper.advance(state, dt)
-        records.append(record)
-    return state, records
 
 
 def two_lumps(d: int) -> tuple[RegularGrid, State]:

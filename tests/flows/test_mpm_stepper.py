@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from stepping import run
 
 from barchan.cones import chi
 from barchan.flows.mpm import Material, Options, State, Stepper, Wall, Walls, fill_box
@@ -21,14 +22,6 @@ def box(d: int, size: float = 0.4, cells: int = 8) -> RegularGrid:
     return RegularGrid(np.zeros(d), np.full(d, size / cells), np.full(d, cells))
 
 
-def run(stepper: Stepper, state: State, dt: float, steps: int):
-    records = []
-    for _ in range(steps):
-        state, record = stepper.advance(state, dt)
-        records.append(record)
-    return state, records
-
-
 @pytest.mark.parametrize("d", DIMENSIONS)
 @pytest.mark.parametrize("transfer", ["apic", "pic"])
 def test_a_block_falls_freely_as_symplectic_euler_says(d, transfer):
@@ -36,7 +29,7 @@ def test_a_block_falls_freely_as_symplectic_euler_says(d, transfer):
     start = fill_box(grid, np.full(d, 0.1), np.full(d, 0.3), 2, MATERIAL)
     dt, steps = 0.005, 10
     stepper = Stepper(grid, MATERIAL, Walls.cuve(d), options=Options(transfer=transfer))
-    state, records = run(stepper, start, dt, steps)
+    state, records = run(stepper, start, steps, dt)
     fall = np.zeros(d)
     fall[-1] = -9.81 * dt**2 * steps * (steps + 1) / 2
     np.testing.assert_allclose(state.positions, start.positions + fall, atol=1e-10)
@@ -54,7 +47,7 @@ def test_a_column_as_wide_as_its_box_rests_and_carries_its_weight(d, friction):
     height = 4 * grid.spacing[-1]
     start = fill_box(grid, np.zeros(d), np.append(np.full(d - 1, 0.4), height), 2, material)
     options = Options(tolerance=1e-6, rest_tolerance=1e-6, max_sweeps=20000)
-    state, records = run(Stepper(grid, material, Walls(), options=options), start, 0.005, 3)
+    state, records = run(Stepper(grid, material, Walls(), options=options), start, 3, 0.005)
     vertical = chi(state.node_stresses)[:, -1, -1]
     depth, capacity = height - grid.node_positions(state.node_ids)[:, -1], grid.node_volumes(state.node_ids)
     levels = np.unique(np.round(depth, 9))
@@ -78,7 +71,7 @@ def test_heaps_below_their_friction_angle_stay_and_steeper_ones_flow():
     energies = {}
     for friction in (0.0, 0.8):
         stepper = Stepper(grid, Material(1500.0, friction), Walls.cuve(2))
-        _, records = run(stepper, start, 0.005, 50)
+        _, records = run(stepper, start, 50, 0.005)
         energies[friction] = records[-1].kinetic_energy
     assert energies[0.8] < 0.01 * energies[0.0]
 
@@ -89,7 +82,7 @@ def test_walls_hold_the_matter_and_stick_where_they_should(d):
     start = fill_box(grid, np.full(d, 0.1), np.full(d, 0.3), 2, MATERIAL)
     thrown = State.from_arrays(start.arrays() | {"velocities": start.velocities + 2.0})
     stepper = Stepper(grid, MATERIAL, Walls({"z_min": Wall("stick"), "x_max": Wall("stick")}))
-    state, records = run(stepper, thrown, 0.01, 25)
+    state, records = run(stepper, thrown, 25, 0.01)
     assert np.all((state.positions > grid.origin) & (state.positions < grid.upper))
     fixed = ~free_components(grid, stepper.walls, state.node_ids)
     assert not np.any(state.node_velocities[fixed])
@@ -108,7 +101,7 @@ def test_a_sliding_block_is_braked_by_the_coulomb_friction_of_the_floor(d, wall_
     walls = Walls({"z_min": Wall("friction", wall_friction)})
     stepper = Stepper(grid, material, walls, options=Options(tolerance=1e-6, max_sweeps=5000))
     dt, steps = 0.005, 8
-    state, _ = run(stepper, State.from_arrays(start.arrays() | {"velocities": velocities}), dt, steps)
+    state, _ = run(stepper, State.from_arrays(start.arrays() | {"velocities": velocities}), steps, dt)
     mean = np.sum(state.volumes[:, None] * state.velocities, axis=0) / np.sum(state.volumes)
     assert mean[0] == pytest.approx(1.0 - wall_friction * 9.81 * dt * steps, abs=0.02)
     if wall_friction > 0.0:
@@ -131,7 +124,7 @@ def collapse(d: int) -> tuple[RegularGrid, State]:
 def test_a_collapse_loses_energy_keeps_volume_and_follows_the_friction_law(d):
     grid, start = collapse(d)
     stepper = Stepper(grid, MATERIAL, Walls.cuve(d))
-    state, records = run(stepper, start, 1 / 240, 40)
+    state, records = run(stepper, start, 40, 1 / 240)
     energy = np.array([record.kinetic_energy + record.potential_energy for record in records])
     assert np.all(np.diff(energy) <= 1e-6 * energy[0])
     assert energy[-1] < 0.99 * energy[0]
@@ -170,11 +163,11 @@ def test_the_viscous_step_damps_shear_as_its_stiffness_says():
 def test_rate_dependent_friction_raises_the_friction_of_flowing_matter_only():
     grid, start = collapse(2)
     material = Material(1500.0, 0.3, friction_increment=0.3, grain_diameter=0.005)
-    state, _ = run(Stepper(grid, material, Walls.cuve(2)), start, 1 / 240, 12)
+    state, _ = run(Stepper(grid, material, Walls.cuve(2)), start, 12, 1 / 240)
     assert np.all((state.node_friction >= 0.3) & (state.node_friction <= 0.6))
     flowing = (state.node_friction > 0.31) & (state.node_stresses[:, 0] > 0.0)
     assert np.any(flowing)
-    plain, _ = run(Stepper(grid, Material(1500.0, 0.3), Walls.cuve(2)), start, 1 / 240, 12)
+    plain, _ = run(Stepper(grid, Material(1500.0, 0.3), Walls.cuve(2)), start, 12, 1 / 240)
     assert np.max(state.positions[:, 0]) < np.max(plain.positions[:, 0])
 
 
@@ -182,10 +175,10 @@ def test_rate_dependent_friction_raises_the_friction_of_flowing_matter_only():
 def test_a_run_resumed_from_its_arrays_gives_the_same_bytes(d):
     grid, start = collapse(d)
     walls = Walls({"z_min": Wall("friction", 0.4)})
-    straight, _ = run(Stepper(grid, MATERIAL, walls), start, 1 / 240, 6)
-    half, _ = run(Stepper(grid, MATERIAL, walls), start, 1 / 240, 3)
+    straight, _ = run(Stepper(grid, MATERIAL, walls), start, 6, 1 / 240)
+    half, _ = run(Stepper(grid, MATERIAL, walls), start, 3, 1 / 240)
     copied = {name: array.copy() for name, array in half.arrays().items()}
-    resumed, _ = run(Stepper(grid, MATERIAL, walls), State.from_arrays(copied), 1 / 240, 3)
+    resumed, _ = run(Stepper(grid, MATERIAL, walls), State.from_arrays(copied), 3, 1 / 240)
     for name, array in straight.arrays().items():
         assert array.tobytes() == resumed.arrays()[name].tobytes(), name
 
@@ -193,7 +186,7 @@ def test_a_run_resumed_from_its_arrays_gives_the_same_bytes(d):
 def test_a_step_gives_the_same_bytes_on_one_and_two_threads(bytes_by_threads):
     grid, start = collapse(2)
     stepper = Stepper(grid, MATERIAL, Walls.cuve(2))
-    one, two = bytes_by_threads(lambda: run(stepper, start, 1 / 240, 4)[0].arrays().values())
+    one, two = bytes_by_threads(lambda: run(stepper, start, 4, 1 / 240)[0].arrays().values())
     assert one == two
 
 
@@ -201,7 +194,7 @@ def test_a_symmetric_column_collapses_symmetrically():
     grid = RegularGrid([0.0, 0.0], [0.02, 0.02], [16, 6])
     start = fill_box(grid, [0.1, 0.0], [0.22, 0.08], 2, MATERIAL)
     options = Options(tolerance=1e-10, max_sweeps=20000)
-    state, records = run(Stepper(grid, MATERIAL, Walls.cuve(2), options=options), start, 1 / 240, 10)
+    state, records = run(Stepper(grid, MATERIAL, Walls.cuve(2), options=options), start, 10, 1 / 240)
     mirror = [int(np.argmin(np.abs(start.positions - [0.32 - x, z]).sum(axis=1))) for x, z in start.positions]
     np.testing.assert_allclose(state.positions[mirror, 0], 0.32 - state.positions[:, 0], atol=1e-7 * 0.08)
     np.testing.assert_allclose(state.positions[mirror, 1], state.positions[:, 1], atol=1e-7 * 0.08)

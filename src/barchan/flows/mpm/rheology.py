@@ -88,12 +88,6 @@ def rheology(
     )
 
 
-def mixed_property(rows: StressRows, state: State, materials: Sequence[Material], name: str) -> Vector:
-    """(q,) mean of a number of the materials over the matter of each row."""
-    shares = _shares(rows, state, len(materials))
-    return _mixed(shares, [np.full(len(rows.ids), float(getattr(material, name))) for material in materials])
-
-
 def _shares(rows: StressRows, state: State, count: int) -> Vector | None:
     if count == 1:
         return None

@@ -72,9 +72,9 @@ class StressRows:
 
     def node_means(self, matter: GridMatter, values: Vector) -> Vector:
         """(n, e) means of `values` (q, e) around the active nodes: what the particles have of them, averaged again."""
-        shapes = VelocityBasis(matter.grid, "Q1").evaluate(matter.positions)
-        rows = matter.active.node_numbers[VelocityBasis(matter.grid, "Q1").of_cells(shapes.cells)]
-        shares = shapes.weights
+        basis = VelocityBasis(matter.grid, "Q1")
+        shapes = basis.evaluate(matter.positions)
+        rows, shares = matter.active.node_numbers[basis.of_cells(shapes.cells)], shapes.weights
         sums, weights = (
             np.zeros((len(matter.active.nodes), values.shape[1])),
             np.zeros((len(matter.active.nodes), 1)),

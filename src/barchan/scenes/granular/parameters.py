@@ -61,9 +61,9 @@ class FrictionalWall(Group):
 WallChoice = Literal["stick", "slip"] | FrictionalWall
 
 
-def wall_key(default: str | None, description: str) -> Any:
-    """A key of [walls]."""
-    allowed = '"stick", "slip" or {friction = F} with F a finite number >= 0'
+def wall_key(default: str | None, description: str, words: str = '"stick", "slip"') -> Any:
+    """A key of [walls] that takes some words, or a friction coefficient."""
+    allowed = f"{words} or {{friction = F}} with F a finite number >= 0"
     return Field(default=default, description=description, json_schema_extra={"accepted": allowed})
 
 

@@ -20,6 +20,7 @@ from barchan.scenes.granular.parameters import (
     ParticlesGroup,
     SolverGroup,
     TimeGroup,
+    wall_key,
 )
 from barchan.scenes.kinds.sand.entries import (
     BodiesGroup,
@@ -50,8 +51,7 @@ SandWall = Literal["stick", "slip", "open"] | FrictionalWall
 
 
 def _wall(default: str | None, description: str) -> Any:
-    allowed = '"stick", "slip", "open" or {friction = F} with F a finite number >= 0'
-    return Field(default=default, description=description, json_schema_extra={"accepted": allowed})
+    return wall_key(default, description, '"stick", "slip", "open"')
 
 
 class SandWalls(Group):
