@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from barchan.cones import tensor_block_size
 from barchan.errors import InputError
-from barchan.flows.dry._kernels import FREE, INNER, STICKY, WALL
-from barchan.flows.dry.boundaries import Boundary
+from barchan.flows.dry.boundaries import Boundary, boundaries_of_parts, codes_of_sides
 from barchan.flows.dry.cells import Cells
 from barchan.flows.dry.momentum import StepProblem, build_step_problem
 from barchan.flows.dry.options import Options
@@ -23,7 +22,6 @@ from barchan.friction import Problem, Solution, solve
 
 Vector = NDArray[np.float64]
 
-_CODES = {"no_slip": STICKY, "slip": WALL, "friction": WALL, "free": FREE}
 _SAMPLES = 12
 _NOT_HERE = ("cohesion", "shear_yield", "tensile_yield", "dilatancy", "anisotropy", "faceted")
 SEEN = 0.1
@@ -52,31 +50,18 @@ class DryFlow:
         gravity: float | ArrayLike = 9.81, options: Options | None = None,
     ) -> None:  # fmt: skip
         self.cells = Cells.of(mesh)
-        for name in _NOT_HERE:
-            if getattr(material, name):
-                raise InputError(f"material.{name}", getattr(material, name), "0 in the mesh-based model")
+        refuse_unknown_strength(material)
         self.material, self.options = material, Options() if options is None else options
-        names = self.cells.names
-        for name, boundary in boundaries.items():
-            if name not in names:
-                raise InputError(f"boundaries.{name}", "unknown", "a part of the mesh: " + ", ".join(names))
-            if not isinstance(boundary, Boundary):
-                raise InputError(f"boundaries.{name}", boundary, "a Boundary")
-        self.boundaries = tuple(boundaries.get(name, Boundary()) for name in names)
-        code = np.array([_CODES[boundary.kind] for boundary in self.boundaries])
-        self._codes = np.where(self.cells.parts >= 0, code[self.cells.parts], INNER).astype(np.int64)
-        self.gravity = _gravity(gravity, self.cells.dimension)
+        self.boundaries = boundaries_of_parts(self.cells, boundaries, Boundary)
+        self._codes = codes_of_sides(self.cells, self.boundaries)
+        self.gravity = gravity_vector(gravity, self.cells.dimension)
 
     # -- states ------------------------------------------------------------------------------------------------------
 
     def at_rest(self, fractions: ArrayLike) -> DryState:
         """State at time 0 with volume fractions (c,), between 0 and phi_max. Raises InputError for others."""
-        cells, largest = self.cells, self.material.max_volume_fraction
-        given = np.array(fractions, dtype=float)
-        if given.shape != (cells.count,) or not np.all((given >= 0.0) & (given <= largest)):
-            raise InputError(
-                "fractions", f"array of shape {given.shape}", f"{cells.count} numbers in [0, {largest:g}]"
-            )
+        cells = self.cells
+        given = checked_fractions(fractions, cells.count, self.material.max_volume_fraction)
         if not np.any(given > self.options.empty):
             raise InputError("fractions", "all zero", "somewhere positive: there is no matter")
         d, s = cells.dimension, tensor_block_size(cells.dimension)
@@ -88,11 +73,7 @@ class DryFlow:
 
     def filled(self, inside: Callable[[Vector], NDArray[np.bool_]]) -> DryState:
         """State at rest, packed where `inside` (points (n, d) -> (n,)) holds; cells cut by its edge by their share."""
-        points, weights = sample_points(self.cells)
-        share = inside(points.reshape(-1, self.cells.dimension)).reshape(weights.shape)
-        return self.at_rest(
-            np.minimum(np.sum(weights * share, axis=1), 1.0) * self.material.max_volume_fraction
-        )
+        return self.at_rest(filled_shares(self.cells, inside) * self.material.max_volume_fraction)
 
     # -- steps -------------------------------------------------------------------------------------------------------
 
@@ -170,6 +151,28 @@ class DryFlow:
         )  # fmt: skip
 
 
+def refuse_unknown_strength(material: Material) -> None:
+    """InputError for a material with a property that the mesh-based models do not have."""
+    for name in _NOT_HERE:
+        if getattr(material, name):
+            raise InputError(f"material.{name}", getattr(material, name), "0 in the mesh-based model")
+
+
+def checked_fractions(fractions: ArrayLike, count: int, largest: float) -> Vector:
+    """Volume fractions (count,) as numbers; InputError unless all lie in [0, largest]."""
+    given = np.array(fractions, dtype=float)
+    if given.shape != (count,) or not np.all((given >= 0.0) & (given <= largest)):
+        raise InputError("fractions", f"array of shape {given.shape}", f"{count} numbers in [0, {largest:g}]")
+    return given
+
+
+def filled_shares(cells: Cells, inside: Callable[[Vector], NDArray[np.bool_]]) -> Vector:
+    """(c,) shares of the cells where `inside` (points (n, d) -> (n,)) holds, from sample points."""
+    points, weights = sample_points(cells)
+    share = inside(points.reshape(-1, cells.dimension)).reshape(weights.shape)
+    return np.minimum(np.sum(weights * share, axis=1), 1.0)
+
+
 def sample_points(cells: Cells) -> tuple[Vector, Vector]:
     """Points (c, m, d) spread over each cell and the shares (c, m) of it that they stand for; shares sum up to 1."""
     points, corners = np.asarray(cells.mesh.p.T, dtype=float), np.asarray(cells.mesh.t.T)
@@ -197,7 +200,8 @@ def _lattice(shifts: list[float]) -> Vector:
     return np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, len(shifts))
 
 
-def _gravity(given: Any, dimension: int) -> Vector:
+def gravity_vector(given: Any, dimension: int) -> Vector:
+    """(d,) of a strength >= 0 down the last axis, or of the vector itself; InputError for others."""
     allowed = f"a finite number >= 0, or {dimension} finite numbers"
     try:
         value = np.array(given, dtype=float)

@@ -107,7 +107,10 @@ def build_step_problem(
         w=allowance.reshape(-1),
         law=Coulomb(np.concatenate([normalised_friction(friction, d), contacts.coefficients(friction)])),
         block_size=start.shape[1],
-        reference_force=overburden(cells, state, material, gravity) * float(np.sqrt(len(start))),
+        reference_force=overburden(
+            cells, state.fractions, material.density, material.max_volume_fraction, gravity
+        )
+        * float(np.sqrt(len(start))),
     )
     return StepProblem(problem, active, contacts, start, masses, friction)
 
@@ -186,17 +189,15 @@ def with_wall_rows(strain: sp.bsr_array, contacts: Contacts) -> sp.bsr_array:
     return sp.bsr_array((data, indices, indptr), shape=((len(indptr) - 1) * s, strain.shape[1]))
 
 
-def overburden(cells: Cells, state: DryState, material: Material, gravity: Vector) -> float:
+def overburden(cells: Cells, fractions: Vector, density: float, largest: float, gravity: Vector) -> float:
     """rho phi_max |g| times the height of the centre of mass above the lowest matter [Pa], at least that of one cell."""
-    matter = state.fractions * cells.volumes
+    matter = fractions * cells.volumes
     strength = float(np.linalg.norm(gravity))
     if strength == 0.0 or not np.any(matter > 0.0):
-        return (
-            material.density * cells.smallest_width**2
-        )  # no scale of stress: that of a speed of one cell a second
+        return density * cells.smallest_width**2  # no scale of stress: that of a speed of one cell a second
     heights = -(cells.centres @ gravity) / strength
     mean = float(matter @ heights / np.sum(matter)) - float(np.min(heights[matter > 0.0]))
-    return material.density * material.max_volume_fraction * strength * max(mean, cells.smallest_width)
+    return density * largest * strength * max(mean, cells.smallest_width)
 
 
 def _frames(normals: Vector) -> Vector:

@@ -34,12 +34,17 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """What transport gives: fractions (c,), carried velocities (c, d), volume gone and moved as excess."""
+    """What transport gives.
+
+    fractions : (c,).  carried : (c, d) velocities.  gone, excess : volumes that left the domain and were moved as excess [m^d].
+    crossing : (c, k) volume of matter that left each cell through each side, before any excess was moved [m^d].
+    """
 
     fractions: Vector
     carried: Vector
     gone: float
     excess: float
+    crossing: Vector
 
 
 def transport(
@@ -63,7 +68,10 @@ def transport(
         carried = np.empty_like(velocities)
         advect(cells.volumes * moved, moved, cells.neighbours, fluxes, dt, velocities, carried)
     amounts, excess = within_capacity(cells, moved, largest)
-    return Moved(amounts, carried, float(np.sum(leaving * moved)), excess)
+    # A side's flux is exactly opposite seen from the other cell, so what leaves one enters the other to the bit.
+    entering = np.where(cells.neighbours >= 0, np.minimum(fluxes, 0.0) * moved[cells.neighbours], 0.0)
+    crossing = dt * (np.maximum(fluxes, 0.0) * moved[:, None] + entering)
+    return Moved(amounts, carried, float(np.sum(leaving * moved)), excess, crossing)
 
 
 def implicit_upwind(cells: Cells, fluxes: Vector, dt: float, contents: Vector) -> Vector:
