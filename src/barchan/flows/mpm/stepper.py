@@ -186,6 +186,7 @@ class Stepper:
             dt,
             self.setting.materials[0].max_volume_fraction,
             self.options.volume_correction,
+            self.walls,
         )
         return within_energy(shift, masses, self.setting.gravity, dissipated)
 

@@ -2,9 +2,15 @@
 
 Seed B clamps beta >= 0 (7.1.4) and warns that volume is lost over time (7.5.4): where particles sample a node's cell badly,
 its volume fraction drifts above phi_max and nothing brings it back. Here positions, never velocities, are corrected: the
-shift of least mass-weighted norm such that the volume fractions predicted for the end of the step stay below phi_max,
+least displacement of the particles, weighted by volume, such that the volumes predicted for the end of the step stay below
+phi_max,
 
-    N_i + dt C_i u + C_i delta <= phi_max |w_i|,   C_i delta = sum_p V_p grad w_i(x_p) . delta(x_p).
+    N_i + dt C_i u + sum_p V_p grad w_i(x_p) . delta_p <= phi_max |w_i|,   delta_p = -grad lambda(x_p),
+
+with lambda >= 0 multilinear, so that K lambda >= excess, K_ij = sum_p V_p grad w_i . grad w_j being the stiffness of a Poisson
+problem. The grid then moves the particles by the mean of delta_p at each node. Looking for the displacement among those of the
+grid from the start leads to C M^-1 C^T in the place of K, which does not see multipliers that alternate from node to node:
+these grow, and the particles are stirred until flowing matter is packed to 1.3 times its maximum.
 
 Excesses are reduced by a share per step and shifts are bounded. What the shift adds to the potential energy may use at
 most half of what friction dissipated in the step, so the total energy decreases still, and matter at rest is left alone.
@@ -13,16 +19,16 @@ most half of what friction dissipated in the step, so the total energy decreases
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from barchan.flows.mpm._volume_kernels import gather_poisson, least_potential, mean_slopes, volume_changes
+from barchan.flows.mpm.stencil import moment_tables
 from barchan.flows.mpm.transfer import GridMatter
+from barchan.flows.mpm.walls import Walls
 
 ITERATIONS = 20
 LARGEST_SHIFT = 0.05  # cells a step
 ENERGY_SHARE = 0.5
-_POWER_ITERATIONS = 8
-_SAFETY = 1.2
 
 
 def volume_shift(
@@ -31,27 +37,33 @@ def volume_shift(
     dt: float,
     max_volume_fraction: float,
     share: float,
+    walls: Walls | None = None,
 ) -> NDArray[np.float64]:
     """Shift (n, d) [m] of the active nodes that removes the `share` of the excess volume predicted after `dt` seconds.
 
-    `node_velocities` (n, d) is the solution of the step. A shift never points through a wall.
+    `node_velocities` (n, d) is the solution of the step. A shift never points through a face of the box; at the open ones among
+    `walls` matter has room outside.
     """
-    grid = matter.grid
-    inner = np.ones(node_velocities.shape, dtype=np.bool_)
+    grid, stencil = matter.grid, matter.stencil
+    neighbours = np.where(stencil.linked, stencil.neighbours, -1).astype(np.int32)
+    predicted = volume_changes(matter.gradients, neighbours, dt * node_velocities)
+    excess = matter.volumes - max_volume_fraction * matter.open_capacities + predicted
     index = grid.node_indices(matter.active.nodes)
-    inner[(index == 0) | (index == grid.cells)] = False
-    change = _volume_change(matter, inner)
-    excess = (
-        matter.volumes
-        - max_volume_fraction * matter.open_capacities
-        + change @ (dt * node_velocities.reshape(-1))
-    )
+    for face, wall in enumerate(() if walls is None else walls.on(grid.dimension)):
+        if wall.kind == "open":
+            axis, upper = divmod(face, 2)
+            excess[index[:, axis] == (grid.cells[axis] if upper else 0)] = 0.0
     if np.all(excess <= 0.0):
         return np.zeros(node_velocities.shape)
     target = np.where(excess > 0.0, share * excess, excess)
-    shift = _least_shift(change, np.repeat(matter.volumes, grid.dimension), target)
+    stiffness = np.zeros(neighbours.shape)
+    tables = moment_tables(grid.dimension)
+    gather_poisson(stencil.cells, tables.slots, tables.product, stencil.slopes, matter.moments, stiffness)
+    potential = least_potential(stiffness, neighbours, target, ITERATIONS)
+    shift = -mean_slopes(matter.gradients, neighbours, potential) / matter.volumes[:, None]
+    shift[(index == 0) | (index == grid.cells)] = 0.0
     limit = LARGEST_SHIFT * grid.spacing
-    return np.clip(shift.reshape(node_velocities.shape), -limit, limit)
+    return np.asarray(np.clip(shift, -limit, limit))
 
 
 def within_energy(
@@ -61,47 +73,3 @@ def within_energy(
     raised = -float(np.sum(masses * (shift @ gravity)))
     allowed = ENERGY_SHARE * max(dissipated, 0.0)
     return shift if raised <= allowed else shift * (allowed / raised)
-
-
-def _volume_change(matter: GridMatter, inner: NDArray[np.bool_]) -> sp.csr_array:
-    """C (n, n d): change of the nodes' volumes N_i with the positions; C_ij = g_ji, zero for components not `inner`."""
-    linked, d = matter.stencil.linked, matter.grid.dimension
-    rows, slots = np.nonzero(linked)
-    columns = matter.stencil.neighbours[rows, slots].astype(np.int64)
-    data = matter.gradients[columns, linked.shape[1] - 1 - slots] * inner[columns]
-    indices = (columns[:, None] * d + np.arange(d)).reshape(-1)
-    indptr = np.append(0, np.cumsum(d * np.count_nonzero(linked, axis=1)))
-    return sp.csr_array((data.reshape(-1), indices, indptr), shape=(len(linked), len(linked) * d))
-
-
-def _least_shift(
-    change: sp.csr_array, mass: NDArray[np.float64], target: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """delta minimising sum mass delta^2 / 2 with C delta <= -target: accelerated projected gradient on the dual.
-
-    A fixed number of iterations from zero multipliers, invariant under relabelling of nodes: mirror-symmetric matter is
-    shifted symmetrically even where the iterations are far from converged.
-    """
-    compliance = change.copy()
-    compliance.data *= (1.0 / np.sqrt(mass))[change.indices]
-    diagonal = np.sqrt(np.add.reduceat(compliance.data**2, compliance.indptr[:-1]))
-    scale = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0.0)
-    compliance.data *= np.repeat(scale, np.diff(compliance.indptr))
-    transposed = compliance.T
-    power = np.ones(len(target))
-    largest = 1.0
-    for _ in range(_POWER_ITERATIONS):
-        power = compliance @ (transposed @ power)
-        largest = float(np.sqrt(np.sum(power**2)))
-        if largest == 0.0:
-            return np.zeros(len(mass))
-        power /= largest
-    bound = _SAFETY * largest
-    wanted = scale * target
-    multipliers, ahead, inertia = np.zeros(len(target)), np.zeros(len(target)), 1.0
-    for _ in range(ITERATIONS):
-        following = np.maximum(ahead + (wanted - compliance @ (transposed @ ahead)) / bound, 0.0)
-        next_inertia = 0.5 * (1.0 + float(np.sqrt(1.0 + 4.0 * inertia**2)))
-        ahead = following + (inertia - 1.0) / next_inertia * (following - multipliers)
-        multipliers, inertia = following, next_inertia
-    return -(transposed @ multipliers) / np.sqrt(mass)

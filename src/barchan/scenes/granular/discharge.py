@@ -25,22 +25,32 @@ def discharge_figures(times: Vector, volumes: Vector) -> dict[str, Any]:
     and `discharge_trend` the discharge of the last quarter over that of the first.
     """
     share = volumes / volumes[0]
-    rates = part_rates(times, share)
-    if rates is None:
+    rates, mean = part_rates(times, share), mean_discharge(times, volumes, WINDOW)
+    if rates is None or mean is None:
         return {
             "discharge": None,
             "discharge_variation": None,
             "discharge_trend": None,
             "share_left": float(share[-1]),
         }
-    begin, end = crossing(times, share, WINDOW[0]), crossing(times, share, WINDOW[1])
-    mean = (WINDOW[0] - WINDOW[1]) / (end - begin)
     return {
-        "discharge": float(mean * volumes[0]),
-        "discharge_variation": float(np.abs(rates / mean - 1.0).max()),
+        "discharge": mean,
+        "discharge_variation": float(np.abs(rates * volumes[0] / mean - 1.0).max()),
         "discharge_trend": float(rates[-1] / rates[0]),
         "share_left": float(share[-1]),
     }
+
+
+def mean_discharge(times: Vector, volumes: Vector, window: tuple[float, float]) -> float | None:
+    """Mean discharge (m^d/s) while `volumes` (frames,) fall from the first to the second share of the initial one.
+
+    None when they have not fallen so far.
+    """
+    share = volumes / volumes[0]
+    if share.min() > window[1]:
+        return None
+    took = crossing(times, share, window[1]) - crossing(times, share, window[0])
+    return float((window[0] - window[1]) * volumes[0] / took)
 
 
 def part_rates(times: Vector, share: Vector) -> Vector | None:
