@@ -36,17 +36,20 @@ class Certificate:
         return float("inf") if np.isnan([self.law, self.balance, self.bilateral]).any() else worst
 
 
-def certify(problem: Problem, r: np.ndarray, v: np.ndarray | None = None) -> Certificate:
+def certify(
+    problem: Problem, r: np.ndarray, v: np.ndarray | None = None, multipliers: np.ndarray | None = None
+) -> Certificate:
     """Certificate of a solution.
 
     Parameters
     ----------
     r : (n s,) or (n, s) forces.
     v : (m,) velocities; None takes those that balance r (ignored in reduced form).
+    multipliers : (c,) of C v = k; None takes those that balance best (least squares, which costs more than a check).
 
     Raises
     ------
-    InputError : r or v of the wrong size.
+    InputError : r, v or multipliers of the wrong size.
     """
     r = np.asarray(r, dtype=float).reshape(-1)
     if len(r) != problem.n * problem.s:
@@ -54,12 +57,16 @@ def certify(problem: Problem, r: np.ndarray, v: np.ndarray | None = None) -> Cer
     if problem.is_reduced:
         return Certificate(_law_residual(problem, r, problem.W @ r + problem.b), 0.0, 0.0)
     if v is None:
-        v = balanced_velocity(problem, r)
+        v, multipliers = balanced(problem, r)
     v = np.asarray(v, dtype=float)
     if v.shape != (problem.size,):
         raise InputError("v", f"array of shape {v.shape}", f"of shape ({problem.size},)")
+    count = 0 if problem.C is None else problem.C.shape[0]
+    if multipliers is not None and np.shape(multipliers) != (count,):
+        raise InputError("multipliers", f"array of shape {np.shape(multipliers)}", f"of shape ({count},)")
     law = _law_residual(problem, r, problem.H @ v + problem.w)
-    return Certificate(law, _balance_residual(problem, r, v), _bilateral_residual(problem, v))
+    balance = _balance_residual(problem, r, v, multipliers)
+    return Certificate(law, balance, _bilateral_residual(problem, v))
 
 
 def _law_residual(problem: Problem, r: np.ndarray, u: np.ndarray) -> float:
@@ -75,11 +82,13 @@ def _law_residual(problem: Problem, r: np.ndarray, u: np.ndarray) -> float:
     return float(violation / reference) if violation > 0.0 else 0.0
 
 
-def _balance_residual(problem: Problem, r: np.ndarray, v: np.ndarray) -> float:
+def _balance_residual(
+    problem: Problem, r: np.ndarray, v: np.ndarray, multipliers: np.ndarray | None
+) -> float:
     pull = transposed_product(problem.H, r)
     gap = problem.M @ v - problem.f - pull
     if problem.C is not None:
-        gap = gap - problem.C.T @ _multiplier(problem.C, gap)
+        gap = gap - problem.C.T @ (_multiplier(problem.C, gap) if multipliers is None else multipliers)
     scale = float(max(np.linalg.norm(problem.f), np.linalg.norm(pull)))
     size = float(np.linalg.norm(gap))
     return size / scale if scale > 0.0 else (0.0 if size == 0.0 else float("inf"))
@@ -98,9 +107,12 @@ def _multiplier(C: sp.csr_array, gap: np.ndarray) -> np.ndarray:
     return np.asarray(spla.lsqr(C.T, gap, atol=1e-15, btol=1e-15, iter_lim=10 * C.shape[0] + 100)[0])
 
 
-def balanced_velocity(problem: Problem, r: np.ndarray) -> np.ndarray:
-    """The velocities (m,) that satisfy balance (and bilateral rows) exactly for given forces r (n s,)."""
+def balanced(problem: Problem, r: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """Velocities (m,) that satisfy balance and bilateral rows exactly for given forces r (n s,), and the multipliers (c,)."""
     load = problem.f + transposed_product(problem.H, r)
     if problem.C is None:
-        return np.asarray(problem.factor.solve(load))
-    return problem.saddle_solve(load, problem.k)
+        return np.asarray(problem.factor.solve(load)), None
+    v, multipliers = problem.saddle.solve(load, problem.k)
+    if problem.saddle.schur is None:
+        multipliers = _multiplier(problem.C, problem.M @ v - load)
+    return v, multipliers

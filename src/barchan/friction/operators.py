@@ -1,13 +1,13 @@
 """The Delassus operator W = H M^-1 H^T in the forms the solvers use: stored, factored by a lumped M, or by solves.
 
-A lumped M comes in two forms: blocks of H as they are, and those of a continuum's strains by gradients (`gradient_form`).
+A lumped M comes in two forms: blocks of H as they are (`lumped`), and those of a continuum's strains by gradients
+(`gradient_form`); bilateral constraints go around either (`constrained`).
 
 Seed B 2.3.1 (reduced formulation, eliminated bilateral constraints) and 3.4.3 (which form pays).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,8 +17,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from barchan.errors import InputError
-from barchan.friction._kernels import PARALLEL_ROWS, block_rows_times, by_columns, factored_products
+from barchan.friction._kernels import block_rows_times
+from barchan.friction.constrained import ConstrainedDelassus, constrained
 from barchan.friction.gradient_form import GradientDelassus, gradient_form
+from barchan.friction.lumped import LumpedDelassus
 from barchan.friction.problem import Problem
 from barchan.linalg import BlockRows, block_rows, diagonal_blocks_of_square
 
@@ -58,41 +60,6 @@ class StoredDelassus:
 
 
 @dataclass(frozen=True, eq=False)
-class LumpedDelassus:
-    """W = G G^T with G = H M^-1/2 and M diagonal; blocks of G are stored transposed (q, s) for the sweep kernels."""
-
-    g: BlockRows
-    b: np.ndarray
-    diagonal_blocks: np.ndarray
-
-    @cached_property
-    def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """G by columns: pointers per velocity block, then entry and block row of each of its blocks."""
-        return (*by_columns(self.g.indptr, self.g.indices, self.g.columns), self.g.data)
-
-    @cached_property
-    def _products(self) -> tuple[Callable[..., None], Callable[..., None]]:
-        _, q, s = self.g.data.shape
-        return factored_products(s, q, self.g.n >= PARALLEL_ROWS)
-
-    def spread(self, r: np.ndarray) -> np.ndarray:
-        """z = G^T r (m,) from r (n, s)."""
-        z = np.empty(self.g.columns * self.g.data.shape[1])
-        self._products[0](self._columns, r, z)
-        return z
-
-    def gather(self, z: np.ndarray) -> np.ndarray:
-        """G z (n, s) from z (m,)."""
-        u = np.empty(self.b.shape)
-        self._products[1]((self.g.indptr, self.g.indices, self.g.data), z, u)
-        return u
-
-    def apply(self, r: np.ndarray) -> np.ndarray:
-        """W r, cost O(entries of H)."""
-        return self.gather(self.spread(r))
-
-
-@dataclass(frozen=True, eq=False)
 class SolvedDelassus:
     """W r by one solve with M (and C) per product, for sparse M whose inverse is dense."""
 
@@ -113,9 +80,8 @@ class SolvedDelassus:
 def _velocity(problem: Problem, load: np.ndarray, homogeneous: bool) -> np.ndarray:
     if problem.C is None:
         return np.asarray(problem.factor.solve(load))
-    k = np.zeros(load.shape) if homogeneous else problem.k
-    rows = problem.C.shape[0]
-    return problem.saddle_solve(load, k[:rows] if not homogeneous else np.zeros((rows, *load.shape[1:])))
+    k = np.zeros((problem.C.shape[0], *load.shape[1:])) if homogeneous else problem.k
+    return problem.saddle.solve(load, k)[0]
 
 
 def build_operator(problem: Problem, kind: str = "auto") -> Delassus:
@@ -150,14 +116,20 @@ def _build(problem: Problem, kind: str) -> Delassus:
         return StoredDelassus(problem.w_rows, problem.b.reshape(shape))
     free = _velocity(problem, problem.f, homogeneous=False)
     b = np.asarray(problem.H @ free + problem.w).reshape(shape)
-    lumped = problem.factor.diagonal is not None and problem.C is None
-    if lumped and (kind == "matrix-free" or (kind == "auto" and _lumped_is_cheaper(problem))):
+    if is_lumped(problem) and (kind == "matrix-free" or (kind == "auto" and _lumped_is_cheaper(problem))):
         return _lumped(problem, b)
     if problem.factor.inverse is not None and problem.C is None and kind != "matrix-free":
         return StoredDelassus(block_rows(_product(problem), problem.s, problem.s), b)
     if kind == "explicit" or (kind == "auto" and problem.n * problem.s <= LARGEST_DENSE_DELASSUS):
         return _dense(problem, b)
     return SolvedDelassus(problem, b)
+
+
+def is_lumped(problem: Problem) -> bool:
+    """Whether M is diagonal and bilateral constraints, if any, are eliminated by way of S = C M^-1 C^T."""
+    if problem.is_reduced or problem.factor.diagonal is None:
+        return False
+    return problem.C is None or problem.saddle.schur is not None
 
 
 def _product(problem: Problem) -> sp.sparray:
@@ -171,7 +143,14 @@ def _product(problem: Problem) -> sp.sparray:
     return H @ inverse @ H.T
 
 
-def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus | GradientDelassus:
+def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus | GradientDelassus | ConstrainedDelassus:
+    free = _unconstrained(problem, b)
+    if problem.C is None:
+        return free
+    return constrained(free, problem, b)
+
+
+def _unconstrained(problem: Problem, b: np.ndarray) -> LumpedDelassus | GradientDelassus:
     rows, inverse_mass = problem.h_rows, problem.factor.diagonal
     assert inverse_mass is not None
     gradients = gradient_form(rows, inverse_mass, b, lambda: problem.diagonal_blocks)
@@ -185,8 +164,15 @@ def _lumped(problem: Problem, b: np.ndarray) -> LumpedDelassus | GradientDelassu
 
 
 def _lumped_is_cheaper(problem: Problem) -> bool:
-    """Compare 2 nnz(H) with nnz(W), the latter from the sum of squared column counts (an upper bound)."""
+    """Compare 2 nnz(H) with nnz(W), the latter from the sum of squared column counts (an upper bound).
+
+    With C a product also takes what `ConstrainedDelassus.reaction` reads, and W is full.
+    """
     rows = problem.h_rows
+    if problem.C is not None:
+        size = problem.n * problem.s
+        read = 2 * rows.data.size + 2 * problem.C.nnz + problem.saddle.entries
+        return size > LARGEST_DENSE_DELASSUS or read <= size**2
     sharing = np.bincount(rows.indices, minlength=rows.columns).astype(float)
     stored = (sharing**2).sum() * problem.s**2
     return bool(2 * rows.data.size <= stored)

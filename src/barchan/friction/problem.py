@@ -20,6 +20,7 @@ from barchan.friction._kernels import PARALLEL_ROWS, lumped_diagonal
 from barchan.linalg import (
     BlockRows,
     Factor,
+    Saddle,
     block_rows,
     delassus_diagonal,
     delassus_trace,
@@ -199,7 +200,7 @@ class Problem:
                     "C", f"matrix of shape {self.C.shape}", f"with {self.M.shape[1]} columns, as M"
                 )
             store(self, "k", _vector("k", self.k, self.C.shape[0]))
-            store(self, "_saddle", saddle_solver(self.M, self.C, self.k))
+            store(self, "_saddle", saddle_solver(self.M, self.C, self.k, self.factor.diagonal))
         return int(self.H.shape[0])
 
     def _find_block_size(self, rows: int) -> int:
@@ -244,9 +245,10 @@ class Problem:
         """Factorisation of M, made once."""
         return self._factor  # type: ignore[attr-defined]
 
-    def saddle_solve(self, load: np.ndarray, k: np.ndarray) -> np.ndarray:
-        """Velocities of M v = load + C^T l, C v = k: `load` (m,) or (m, q), `k` (c,) or (c, q)."""
-        return np.asarray(self._saddle(load, k))  # type: ignore[attr-defined]
+    @property
+    def saddle(self) -> Saddle:
+        """Factorisation of M and C together, made once; for problems with bilateral constraints."""
+        return self._saddle  # type: ignore[attr-defined]
 
     @cached_property
     def _prepared(self) -> dict[Hashable, Any]:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barchan.friction.certificate import Certificate, balanced_velocity, certify
+from barchan.friction.certificate import Certificate, balanced, certify
 from barchan.friction.existence import NONE, Existence
 from barchan.friction.problem import Problem
 
@@ -27,6 +27,7 @@ class Solution:
     """Result of `solve`.
 
     r : (n s,) forces.  u : (n s,) relative velocities.  v : (m,) velocities, None in reduced form.
+    multipliers : (c,) of the bilateral constraints (pressures), None without.
     certificate : the independent proof.  converged : certificate.residual <= tol, unless proven to have no solution.
     history : list of `Progress`.
     elapsed : seconds of the method with its set-up, without the certificate.
@@ -46,6 +47,7 @@ class Solution:
     status: str = ""
     message: str = ""
     existence: Existence | None = None
+    multipliers: np.ndarray | None = None
 
 
 @dataclass
@@ -96,19 +98,20 @@ def finish(
     seconds = recorder.seconds
     r = np.zeros(problem.n * problem.s) if recorder.best is None else recorder.best.reshape(-1)
     if problem.is_reduced:
-        v = None
+        v, multipliers = None, None
         u = problem.W @ r + problem.b
     else:
-        v = balanced_velocity(problem, r)
+        v, multipliers = balanced(problem, r)
         u = problem.H @ v + problem.w
-    certificate = certify(problem, r, v)
+    certificate = certify(problem, r, v, multipliers)
     converged = certificate.residual <= tolerance and (proof is None or proof.verdict != NONE)
     status = _status(converged, recorder.stopped, proof)
     message = str(proof) if proof is not None and proof.verdict == NONE else status
     iterations = recorder.history[-1].iteration if recorder.history else 0
     return Solution(
-        r, u, v, certificate, converged, iterations, seconds, recorder.history, method, status, message, proof
-    )
+        r, u, v, certificate, converged, iterations, seconds, recorder.history, method, status, message, proof,
+        multipliers,
+    )  # fmt: skip
 
 
 def _status(converged: bool, stopped: bool, proof: Existence | None) -> str:

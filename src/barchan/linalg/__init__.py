@@ -7,7 +7,7 @@ from barchan.linalg.factor import Factor, factorise
 from barchan.linalg.gram import GramPattern
 from barchan.linalg.krylov import KrylovSolver, solver_for
 from barchan.linalg.pattern_solver import PatternSolver
-from barchan.linalg.saddle import saddle_solver
+from barchan.linalg.saddle import Saddle, saddle_solver
 from barchan.linalg.threads import one_blas_thread
 
 __all__ = [
@@ -16,6 +16,7 @@ __all__ = [
     "GramPattern",
     "KrylovSolver",
     "PatternSolver",
+    "Saddle",
     "Schedule",
     "block_rows",
     "coloured_schedule",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,6 +21,9 @@ from barchan.linalg.pardiso import Pardiso, available
 LARGEST_DENSE_COMPONENT = 64
 SYMMETRY_TOLERANCE = 1e-8
 LARGEST_SUPERLU = 1000  # unknowns of a positive definite matrix beyond which Pardiso is preferred
+LARGEST_SERIAL = (
+    20_000  # the same for the matrices of pressures, whose many solves SuperLU makes with less overhead
+)
 Solver: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 
@@ -65,8 +68,8 @@ def factorise(M: sp.csr_array, name: str = "M") -> Factor:
     if np.bincount(label).max() <= LARGEST_DENSE_COMPONENT:
         inverse = _inverse_by_components(M, label, count, name)
         return Factor("blocks", lambda x: inverse @ x, inverse)
-    solve, root = _positive_solver(M, name)
-    return Factor("sparse", solve, root=root)
+    found = positive_solver(M, name)
+    return Factor("sparse", found.solve, root=found.root)
 
 
 def check_symmetric(M: sp.csr_array, name: str, tolerance: float = SYMMETRY_TOLERANCE) -> None:
@@ -115,7 +118,7 @@ def sparse_solver(M: sp.csr_array, name: str, positive: bool) -> Solver:
     InputError : singular matrix, as far as the factorisation shows it; with `positive`, one that is not positive definite.
     """
     if positive:
-        return _positive_solver(M, name)[0]
+        return positive_solver(M, name).solve
     singular = InputError(name, "singular matrix", "invertible")
     M = sp.csr_array(M, dtype=float)
     if not np.diff(M.indptr).all():
@@ -134,16 +137,30 @@ def sparse_solver(M: sp.csr_array, name: str, positive: bool) -> Solver:
     return pardiso.solve
 
 
-def _positive_solver(M: sp.csr_array, name: str) -> tuple[Solver, Solver]:
-    """`solve` and `root` of a positive definite matrix; refuses an indefinite one (signs of the pivots)."""
+class PositiveFactor(NamedTuple):
+    """`solve` and `root` as in `Factor`; `entries` that a solve reads."""
+
+    solve: Solver
+    root: Solver
+    entries: int
+
+
+def positive_solver(M: sp.csr_array, name: str, serial: int = LARGEST_SUPERLU) -> PositiveFactor:
+    """Factor of a positive definite matrix, by SuperLU up to `serial` unknowns.
+
+    Raises
+    ------
+    InputError : singular or indefinite matrix (signs of the pivots).
+    """
     indefinite = InputError(name, "matrix with a non-positive pivot", "positive definite")
-    if M.shape[0] > LARGEST_SUPERLU and available():
+    if M.shape[0] > serial and available():
         upper = sp.csr_array(sp.triu(M, format="csr"))
         upper.sum_duplicates()
         pardiso = Pardiso(upper.indptr, upper.indices, upper.data, "positive")
         if not pardiso.factorise(upper.data):
             raise indefinite
-        return pardiso.solve, pardiso.solve_backward
+        entries = 2 * int(pardiso.megabytes * 2**20 / 8)
+        return PositiveFactor(pardiso.solve, pardiso.solve_backward, entries)
     try:
         factor = spla.splu(
             sp.csc_array(M),
@@ -164,4 +181,4 @@ def _positive_solver(M: sp.csr_array, name: str) -> tuple[Solver, Solver]:
             spla.spsolve_triangular(factor.U.tocsr(), (z.T * half).T, lower=False)[factor.perm_c]
         )
 
-    return factor.solve, root
+    return PositiveFactor(factor.solve, root, int(factor.nnz))

@@ -12,6 +12,8 @@ from barchan.flows.suspension.fluid_grid import PRESSURES
 
 MODELS = ("two_phase", "darcy")
 SOLUTIONS = ("two_step", "coupled")
+LONGEST = 40_000
+"""Sweeps at most by default: where drag ties grains to the fluid, contacts take longer than in dry matter."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,7 @@ class Options:
     Raises InputError for a value out of range.
     """
 
-    grains: GrainOptions = field(default_factory=GrainOptions)
+    grains: GrainOptions = field(default_factory=lambda: GrainOptions(max_sweeps=LONGEST))
     model: Literal["two_phase", "darcy"] = "two_phase"
     solution: Literal["two_step", "coupled"] = "two_step"
     pressure: Literal["layers", "coarse", "penalised"] = "layers"

@@ -47,7 +47,6 @@ from barchan.flows.suspension.step_problem import (
 )
 from barchan.flows.suspension.stokes import StokesSolver
 from barchan.friction import Problem, Solution, solve
-from barchan.linalg.factor import sparse_solver
 from barchan.spaces import RegularGrid
 
 Vector = NDArray[np.float64]
@@ -292,16 +291,12 @@ class Suspension:
         )  # fmt: skip
 
     def _pressures(self, step: SuspensionStep, solution: Solution) -> Vector:
-        """(c,) pressures of both steps: those of the frictional problem follow from its balance, M v - f - H^T r = C^T p."""
-        problem = step.problem
-        assert solution.v is not None and problem.C is not None
+        """(c,) pore pressures: those of both steps; a slack velocity has its whole pressure."""
+        assert solution.v is not None and solution.multipliers is not None
         if self.fluid.slack_masses is not None:
             first = step.grains.operator.shape[1] + step.algebra.a.size
             return np.asarray(self.fluid.slack_masses * solution.v[first : first + len(step.pressure)])
-        force = problem.M @ solution.v - problem.f - problem.H.T @ solution.r.reshape(-1)
-        compliant = sp.csr_array(problem.C / problem.M.diagonal()[None, :])
-        schur = sp.csr_array(compliant @ problem.C.T)
-        return step.pressure + sparse_solver(schur, "C", positive=True)(compliant @ force)
+        return np.asarray(step.pressure + solution.multipliers)
 
     def _shift(
         self, step: SuspensionStep, solution: Solution, velocities: Vector, dt: float

@@ -131,8 +131,7 @@ class _VelocitySystem:
     def __init__(self, problem: Problem) -> None:
         root = np.repeat(np.sqrt(problem.rho), problem.s)
         self.m = problem.size
-        saddle = None if problem.C is None else sp.block_array([[problem.M, -problem.C.T], [problem.C, None]])
-        self.border = sp.csr_array(problem.M if saddle is None else saddle)
+        self.border = bordered_mass(problem)
         self.H = sp.csr_array(sp.diags_array(root) @ sp.csr_array(problem.H))
 
     def factorise(self, blocks: Blocks) -> bool:
@@ -149,7 +148,7 @@ class _VelocitySystem:
         self.eliminated = inverse is not None
         if inverse is not None:
             self.D = block_diagonal(inverse)
-            self.system = _added(self.border, self.coupling.T @ (self.D @ self.coupling))
+            self.system = added_in_corner(self.border, self.coupling.T @ (self.D @ self.coupling))
         else:
             pull = sp.csr_array(-self.coupling.T)
             pull.resize(self.border.shape[0], pull.shape[1])
@@ -189,7 +188,14 @@ def _inverse(stiffness: np.ndarray) -> np.ndarray | None:
     return inverse if np.abs(inverse).max() <= LARGEST_ENTRY else None
 
 
-def _added(border: sp.csr_array, block: sp.sparray) -> sp.csr_array:
+def bordered_mass(problem: Problem) -> sp.csr_array:
+    """M, or [[M, -C^T], [C, 0]] where there are bilateral constraints."""
+    if problem.C is None:
+        return problem.M
+    return sp.csr_array(sp.block_array([[problem.M, -problem.C.T], [problem.C, None]]))
+
+
+def added_in_corner(border: sp.csr_array, block: sp.sparray) -> sp.csr_array:
     """border plus `block` in its upper left corner."""
     corner = sp.coo_array(block)
     corner.resize(border.shape)

@@ -1,7 +1,7 @@
 """Proximal nonsmooth Newton with sparse systems in velocity space: finishes what a central path brought near.
 
 An outer step solves the problem with W + eps I and b - eps x_k (seed B Eq. 3.14 on the whole) by Newton's method on the
-natural map (seed B 3.1.2, Eq. 1.29), as `_proximal_newton` does densely; eliminating forces leaves M + H^T K^-1 B H.
+natural map (seed B 3.1.2, Eq. 1.29), as `_proximal_newton` does densely; eliminating forces leaves M + H^T K^-1 B H, and C.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numba import njit
 
 from barchan.errors import InputError
 from barchan.friction._proximal_newton import natural_map_at, rate_derivative
-from barchan.friction.methods._newton_systems import block_diagonal
+from barchan.friction.methods._newton_systems import added_in_corner, block_diagonal, bordered_mass
 from barchan.friction.operators import Delassus
 from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
@@ -37,7 +37,7 @@ def _rate_derivatives(u: np.ndarray, laws: np.ndarray, jacobians: np.ndarray, ou
 
 
 class VelocityNewton:
-    """Equilibrated forces x = r / root, root = sqrt(rho), and the Newton systems of `problem`, which has M and no C."""
+    """Equilibrated forces x = r / root, root = sqrt(rho), and the Newton systems of `problem`, which has M (bordered by C)."""
 
     def __init__(self, problem: Problem, delassus: Delassus) -> None:
         self.problem, self.delassus = problem, delassus
@@ -47,6 +47,7 @@ class VelocityNewton:
         self.laws[:, 1:3] /= self.root
         scale = sp.diags_array(np.repeat(self.root[:, 0], s))
         self.H = sp.csr_array(scale @ sp.csr_array(problem.H))
+        self.border = bordered_mass(problem)
         self.f, self.active = np.empty((n, s)), np.empty(n, np.bool_)
         self.jacobians, self.products = np.empty((n, s, s)), np.empty((n, s, s))
 
@@ -112,18 +113,20 @@ class VelocityNewton:
         return x, square, made
 
     def _direction(self, term: float) -> np.ndarray | None:
-        """dx of K dx + B H dv = -F, M dv = H^T dx with K = I - P' + term B; None where that is singular."""
+        """dx of K dx + B H dv = -F, M dv = H^T dx + C^T l, C dv = 0, K = I - P' + term B; None where that is singular."""
         try:
             inverse = np.linalg.inv(np.eye(self.problem.s) - self.jacobians + term * self.products)
         except np.linalg.LinAlgError:
             return None
         moved = -np.einsum("iab,ib->ia", inverse, self.f)
         compliance = block_diagonal(inverse @ self.products)
-        matrix = sp.csr_array(self.problem.M + self.H.T @ (compliance @ self.H))
+        matrix = added_in_corner(self.border, self.H.T @ (compliance @ self.H))
         if not np.isfinite(matrix.data).all():
             return None
         try:
-            velocities = sparse_solver(matrix, "M", positive=False)(self.H.T @ moved.reshape(-1))
+            load = np.zeros(matrix.shape[0])
+            load[: self.problem.size] = self.H.T @ moved.reshape(-1)
+            velocities = sparse_solver(matrix, "M", positive=False)(load)[: self.problem.size]
         except InputError:
             return None
         return np.asarray(moved - (compliance @ (self.H @ velocities)).reshape(moved.shape))

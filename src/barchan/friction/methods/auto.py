@@ -76,7 +76,7 @@ def _continuum(
     min_iterations: int,
 ) -> None:
     """Sweeps and a central path in velocity space; for what they leave of a small problem, islands and Newton."""
-    small = _small(problem, operator)
+    small = operator == "auto" and problem.n * problem.s <= LARGEST_NEWTON
     left = solve_continuum(problem, recorder, r0, max_iterations, operator, min_iterations, last=not small)
     if small and left >= 1.0 and not recorder.ended:
         assert recorder.best is not None

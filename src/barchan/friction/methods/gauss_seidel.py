@@ -6,6 +6,7 @@ parallel groups. Cost of a sweep: linear in the entries of W (explicit) or of H 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
@@ -15,9 +16,12 @@ import scipy.sparse as sp
 from barchan.errors import InputError
 from barchan.friction._gradient_kernels import gradient_sweeps
 from barchan.friction._kernels import block_sweeps, sweep_scratch
+from barchan.friction.constrained import ConstrainedDelassus
 from barchan.friction.gradient_form import GradientDelassus
 from barchan.friction.local import LocalCounts, local_blocks, local_code
-from barchan.friction.operators import LARGEST_DENSE_DELASSUS, LumpedDelassus, StoredDelassus, build_operator
+from barchan.friction.lumped import LumpedDelassus
+from barchan.friction.methods._options import check_counts
+from barchan.friction.operators import LARGEST_DENSE_DELASSUS, StoredDelassus, build_operator, is_lumped
 from barchan.friction.problem import Problem
 from barchan.friction.residual import law_residual
 from barchan.friction.solution import Recorder
@@ -29,7 +33,8 @@ OVER_RELAXATION = 1.3
 PARALLEL_BLOCKS = 1500
 GROUP_SIZE = 16
 SLEEP_FRACTION = 0.1
-SweptDelassus: TypeAlias = StoredDelassus | LumpedDelassus | GradientDelassus
+FEWEST_BETWEEN, MOST_BETWEEN = 10, 25  # sweeps between two solves for multipliers, by default
+SweptDelassus: TypeAlias = StoredDelassus | LumpedDelassus | GradientDelassus | ConstrainedDelassus
 
 
 def gauss_seidel(
@@ -46,6 +51,7 @@ def gauss_seidel(
     min_iterations: int = 0,
     direction: str = "alternating",
     counts: LocalCounts | None = None,
+    pressure_every: int | None = None,
 ) -> None:
     """Sweep from `r0` (n, s), recording iterates.
 
@@ -60,6 +66,8 @@ def gauss_seidel(
     direction : "alternating" (each sweep the other way round), "forward", or "symmetric": an iteration is then two sweeps,
     forward and backward (seed B 3.4.3).
     counts : receives the numbers of local solves, local failures and fail-safe calls; a kernel of its own counts them.
+    pressure_every : sweeps between solves for the multipliers of bilateral constraints, where these are not part of a stored
+    W (`barchan.friction.constrained`): block descent, as in seed B 8.3.3 (None: see `pressure_period`).
 
     Raises
     ------
@@ -68,6 +76,9 @@ def gauss_seidel(
     if direction not in DIRECTIONS:
         raise InputError("direction", direction, "one of " + ", ".join(DIRECTIONS))
     sweeper = prepare_sweeper(problem, operator, local_solver, parallel, counts=counts)
+    if pressure_every is not None:
+        check_counts(pressure_every=pressure_every)
+    sweeper.pressure_every = pressure_period(sweeper.delassus) if pressure_every is None else pressure_every
     sweeper.relaxation = checked_relaxation(relaxation)
     sweeper.turning = direction != "forward"
     run_sweeps(
@@ -93,6 +104,7 @@ def symmetric_gauss_seidel(
     relaxation: float = 1.0,
     check_every: int = 25,
     counts: LocalCounts | None = None,
+    pressure_every: int | None = None,
 ) -> None:
     """Gauss-Seidel whose iteration is a forward and a backward sweep (seed B 3.4.3); options and errors of `gauss_seidel`."""
     gauss_seidel(
@@ -107,6 +119,7 @@ def symmetric_gauss_seidel(
         check_every=check_every,
         direction="symmetric",
         counts=counts,
+        pressure_every=pressure_every,
     )
 
 
@@ -123,6 +136,7 @@ def sor(
     min_iterations: int = 0,
     direction: str = "forward",
     counts: LocalCounts | None = None,
+    pressure_every: int | None = None,
 ) -> None:
     """Successive over-relaxation (seed B 3.4.3): each block moves `relaxation` times as far as its solution, then is projected.
 
@@ -142,6 +156,7 @@ def sor(
         min_iterations=min_iterations,
         direction=direction,
         counts=counts,
+        pressure_every=pressure_every,
     )
 
 
@@ -162,7 +177,7 @@ def prepare_sweeper(
 ) -> Sweeper:
     """What the sweeps need, set up once per problem; raises InputError when W is neither stored nor factored."""
     delassus = build_operator(
-        problem, "explicit" if operator == "auto" and not _is_lumped(problem) else operator
+        problem, "explicit" if operator == "auto" and not is_lumped(problem) else operator
     )
     if not isinstance(delassus, SweptDelassus):
         raise InputError("operator", operator, "'explicit': sweeps need W or a diagonal M")
@@ -203,14 +218,19 @@ def run_sweeps(
         pause = max(min(2 * pause, check_every), 1)
 
 
+def pressure_period(delassus: SweptDelassus) -> int:
+    """Sweeps between two solves for multipliers: they add little work, and the number hardly matters (docs/solvers.md)."""
+    if not isinstance(delassus, ConstrainedDelassus):
+        return FEWEST_BETWEEN
+    return min(MOST_BETWEEN, max(FEWEST_BETWEEN, math.ceil(3.0 * delassus.reaction_work)))
+
+
 def can_sweep(problem: Problem) -> bool:
     """Whether W is stored, or cheap to store, or factored by a diagonal M."""
     small = problem.n * problem.s <= LARGEST_DENSE_DELASSUS
-    return problem.is_reduced or small or (problem.C is None and problem.factor.inverse is not None)
-
-
-def _is_lumped(problem: Problem) -> bool:
-    return not problem.is_reduced and problem.C is None and problem.factor.diagonal is not None
+    if problem.is_reduced or small or is_lumped(problem):
+        return True
+    return problem.C is None and problem.factor.inverse is not None
 
 
 class Sweeper:
@@ -227,6 +247,7 @@ class Sweeper:
     ) -> None:
         self.problem = problem
         self.delassus = delassus
+        self.swept = delassus.free if isinstance(delassus, ConstrainedDelassus) else delassus
         self.b = np.ascontiguousarray(delassus.b)
         self.laws = problem.parameters
         self.jacobi = jacobi
@@ -234,28 +255,30 @@ class Sweeper:
         code = local_code(local_solver, problem.s, self.laws)
         origin = problem.origin
         self.diagonal, self.local = origin.prepared("blocks", lambda: local_blocks(delassus.diagonal_blocks))
-        form = type(delassus).__name__
+        swept = self.swept
+        form = type(swept).__name__
         self.schedule = origin.prepared(
             ("schedule", form, parallel),
-            lambda: _schedule(delassus, problem.n) if parallel else natural_schedule(problem.n),
+            lambda: _schedule(swept, problem.n) if parallel else natural_schedule(problem.n),
         )
         self.relaxation = 1.0
+        self.pressure_every = pressure_period(delassus)
         self.turning = True
         self.system: tuple[Any, ...]
         self.kernel: Callable[..., Any]
         self.scratch = sweep_scratch(self.schedule.widest, problem.s)
         self.tally = np.zeros((self.schedule.widest, 8), dtype=np.int64)
         arrays = (self.diagonal, self.b, self.local, self.laws)
-        if isinstance(delassus, GradientDelassus):
+        if isinstance(swept, GradientDelassus):
             order = self.schedule.order
-            form = origin.prepared(("form", parallel), lambda: delassus.in_order(order))
-            if form is not delassus.form:
+            form = origin.prepared(("form", parallel), lambda: swept.in_order(order))
+            if form is not swept.form:
                 arrays = (self.diagonal[order], self.b[order], self.local[order], self.laws[order])
             self.system = (form, *arrays)
             self.kernel = gradient_sweeps(problem.s, form[2].shape[1], code, parallel, jacobi, counting)
         else:
-            rows = delassus.rows if isinstance(delassus, StoredDelassus) else delassus.g
-            width = 0 if isinstance(delassus, StoredDelassus) else problem.velocity_block
+            rows = swept.rows if isinstance(swept, StoredDelassus) else swept.g
+            width = 0 if isinstance(swept, StoredDelassus) else problem.velocity_block
             self.system = ((rows.indptr, rows.indices, rows.data), *arrays)
             self.kernel = block_sweeps(problem.s, width, code, parallel, jacobi, counting)
 
@@ -265,21 +288,43 @@ class Sweeper:
         self.r = np.array(r0, dtype=float, order="C")
         self.multiplier = np.zeros(n)
         self.asleep = np.zeros(n, dtype=np.bool_)
-        self.z = np.zeros(0) if isinstance(self.delassus, StoredDelassus) else self.delassus.spread(self.r)
+        self.z = self.pressed = np.zeros(0)
+        self._refresh()
         self.old = (self.r.copy(), self.z.copy()) if self.jacobi else (self.r, self.z)
         return self.r
+
+    def _refresh(self) -> None:
+        """z of the forces, so that no drift accumulates."""
+        if not isinstance(self.swept, StoredDelassus):
+            self.z, self.pressed = self.swept.spread(self.r), np.zeros(0)
+            self._press()
+
+    def _press(self) -> None:
+        """Multipliers of the bilateral constraints for the forces as they are; `pressed` (m,) is their part of z."""
+        if isinstance(self.delassus, ConstrainedDelassus):
+            if self.pressed.size:
+                self.z -= self.pressed
+            self.pressed = self.delassus.reaction(self.z)
+            self.z += self.pressed
 
     def residual(self) -> tuple[float, float]:
         """Law residual of the current forces, and |r| or the reference; refreshes z, so that no drift accumulates."""
         if isinstance(self.delassus, StoredDelassus):
             u = self.delassus.apply(self.r) + self.b
         else:
-            self.z = self.delassus.spread(self.r)
+            self._refresh()
             u = self.delassus.gather(self.z) + self.b
         return law_residual(self.problem, self.r, u)
 
     def run(self, sweeps: int, start: int, calm: float) -> None:
         """`sweeps` more sweeps; the parity of `start` fixes the direction of the first."""
+        at_once = self.pressure_every if isinstance(self.delassus, ConstrainedDelassus) else sweeps
+        for done in range(0, sweeps, max(at_once, 1)):
+            if done:
+                self._press()
+            self._sweep(min(at_once, sweeps - done), start + done, calm)
+
+    def _sweep(self, sweeps: int, start: int, calm: float) -> None:
         self.tally[:] = 0
         self.kernel(
             sweeps,
@@ -300,7 +345,7 @@ class Sweeper:
             self.counts.failsafe_calls += int(calls)
 
 
-def _schedule(delassus: SweptDelassus, n: int) -> Schedule:
+def _schedule(delassus: StoredDelassus | LumpedDelassus | GradientDelassus, n: int) -> Schedule:
     if isinstance(delassus, GradientDelassus):
         (pointers, indices), columns = delassus.pattern, delassus.columns
     else:

@@ -51,13 +51,13 @@ def jacobi(
 
 
 def _safe_damping(sweeper: Sweeper) -> float:
-    """min(1, SAFE_STEP / lambda_max(D^-1 W)), from POWER_ITERATIONS products with W and a fixed start."""
+    """min(1, SAFE_STEP / lambda_max(D^-1 W)), from POWER_ITERATIONS products with the W that sweeps see."""
     problem = sweeper.problem
     inverse = np.linalg.inv(sweeper.diagonal)
     x = np.random.default_rng(0).standard_normal((problem.n, problem.s))
     largest = 0.0
     for _ in range(POWER_ITERATIONS):
-        y = np.einsum("iab,ib->ia", inverse, sweeper.delassus.apply(x))
+        y = np.einsum("iab,ib->ia", inverse, sweeper.swept.apply(x))
         largest = float(np.linalg.norm(y) / np.linalg.norm(x))
         if not largest > 0.0:
             return 1.0
