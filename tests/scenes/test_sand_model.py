@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from barchan import results, scenes
-from barchan.scenes.granular.discharge import discharge_figures
+from barchan.scenes.granular.discharge import discharge_figures, mean_discharge
 from barchan.scenes.kinds.sand.model import SandModel
 from barchan.scenes.kinds.sand.observables import momentum_drift
 from barchan.scenes.validation import validate
@@ -235,6 +235,13 @@ class TestDischarge:
     def test_a_silo_that_does_not_empty_has_no_discharge(self) -> None:
         found = discharge_figures(np.array([0.0, 1.0]), np.array([1.0, 0.5]))
         assert found["discharge"] is None and found["share_left"] == 0.5
+
+    def test_a_part_of_the_volume_is_enough_for_a_mean_discharge(self) -> None:
+        times = np.array([0.0, 1.0, 2.0])
+        assert mean_discharge(times, np.array([2.0, 1.6, 1.0]), (0.9, 0.7)) == pytest.approx(
+            0.4 / (5.0 / 6.0)
+        )
+        assert mean_discharge(times, np.array([2.0, 1.6, 1.5]), (0.9, 0.7)) is None
 
 
 def test_momentum_drift_is_relative_to_the_momentum_there_is() -> None:

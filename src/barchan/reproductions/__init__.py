@@ -40,6 +40,11 @@ NAMES = (
     "mpm_solvers",
     "silo_p0",
     "column_law_p0",
+    "rayleigh_taylor",
+    "sedimentation",
+    "sedimentation_onset",
+    "immersed_columns",
+    "grains_to_fields",
 )
 
 __all__ = ["NAMES", "Report", "Table", "Workshop", "reproduce", "title"]

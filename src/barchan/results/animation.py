@@ -6,6 +6,7 @@ Frames share one palette so that colours do not flicker; if the file comes out t
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ def draw_animation(path: Path, results: Results, until: float, title: str) -> No
     content = b""
     for width, count in _SIZES:
         frames = spread_frames(results, count, until)
-        content = _encode(_images(results, frames, width, title))
+        content = encode(_images(results, frames, width, title))
         if len(content) <= LARGEST_SIZE:
             break
     write_bytes(path, content)
@@ -65,18 +66,18 @@ def _stage(width: float, view: SideView, title: str) -> tuple[Figure, FigureCanv
     return figure, canvas, axis
 
 
-def _palette() -> Image.Image:
-    """The colours of the scale and greys for text and frame, as Pillow wants a palette: in a picture of one pixel."""
-    scale = colormaps[COLOUR_MAP](np.linspace(0.0, 1.0, 96))[:, :3]
+def _palette(scales: Sequence[str]) -> Image.Image:
+    """The colours of the scales and greys for text and frame, as Pillow wants a palette: in a picture of one pixel."""
+    colours = [colormaps[name](np.linspace(0.0, 1.0, 192 // (len(scales) + 1)))[:, :3] for name in scales]
     greys = np.repeat(np.linspace(0.0, 1.0, 32)[:, None], 3, axis=1)
     palette = Image.new("P", (1, 1))
-    palette.putpalette(np.rint(255.0 * np.vstack([scale, greys])).astype(np.uint8).tobytes())
+    palette.putpalette(np.rint(255.0 * np.vstack([*colours, greys])).astype(np.uint8).tobytes())
     return palette
 
 
-def _encode(images: list[Image.Image]) -> bytes:
-    """The GIF file."""
-    palette = _palette()
+def encode(images: list[Image.Image], scales: Sequence[str] = (COLOUR_MAP,)) -> bytes:
+    """The GIF file of pictures whose colours are those of matplotlib's `scales`."""
+    palette = _palette(scales)
     reduced = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
     durations = [_FRAME_MILLISECONDS] * (len(reduced) - 1) + [_LAST_FRAME_MILLISECONDS]
     buffer = io.BytesIO()

@@ -10,14 +10,15 @@ from pathlib import Path
 import meshio
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from skfem import Mesh, MeshQuad, MeshTet, MeshTri
+from skfem import Mesh, MeshHex, MeshQuad, MeshTet, MeshTri
 
 from barchan.errors import InputError
+from barchan.results.stored_meshes import mesh_group
 from barchan.storage import replacing
 
 Fields = Mapping[str, ArrayLike]
 
-_KINDS = {MeshTri: "triangle", MeshQuad: "quad", MeshTet: "tetra"}
+_KINDS = {MeshTri: "triangle", MeshQuad: "quad", MeshTet: "tetra", MeshHex: "hexahedron"}
 
 
 def write_vtu(
@@ -28,7 +29,7 @@ def write_vtu(
     Parameters
     ----------
     path : file name, in a folder that exists.
-    mesh : triangles, quadrilaterals or tetrahedra.
+    mesh : triangles, quadrilaterals, tetrahedra or hexahedra.
     point_data, cell_data : name -> values (vertices,) or (vertices, k), (cells,) or (cells, k); vectors of the plane get a
         third component 0, as ParaView expects.
 
@@ -68,10 +69,12 @@ def _content(mesh: Mesh, point_data: Fields, cell_data: Fields) -> meshio.Mesh:
     points[:, : mesh.p.shape[0]] = mesh.p.T
     kind = next((name for cls, name in _KINDS.items() if isinstance(mesh, cls)), None)
     if kind is None:
-        raise InputError("mesh", type(mesh).__name__, "made of triangles, quadrilaterals or tetrahedra")
+        raise InputError(
+            "mesh", type(mesh).__name__, "made of triangles, quadrilaterals, tetrahedra or hexahedra"
+        )
     at_points = {name: _checked(name, values, len(points)) for name, values in point_data.items()}
     in_cells = {name: [_checked(name, values, mesh.t.shape[1])] for name, values in cell_data.items()}
-    return meshio.Mesh(points, [(kind, mesh.t.T)], point_data=at_points, cell_data=in_cells)
+    return meshio.Mesh(points, [(kind, mesh_group(mesh)["cells"])], point_data=at_points, cell_data=in_cells)
 
 
 def _checked(name: str, values: ArrayLike, count: int) -> NDArray[np.generic]:

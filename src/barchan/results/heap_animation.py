@@ -11,7 +11,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from barchan.results.animation import LARGEST_SIZE, _encode
+from barchan.results.animation import LARGEST_SIZE, encode
 from barchan.results.heap_pictures import (
     Heights,
     Silhouettes,
@@ -43,7 +43,7 @@ def draw_heap_animation(
     content = b""
     for width, count in _SIZES:
         frames = spread_frames(results, count, until)
-        content = _encode(_Stage(results, frames, sides, above, width, title).images())
+        content = encode(_Stage(results, frames, sides, above, width, title).images())
         if len(content) <= LARGEST_SIZE:
             break
     write_bytes(path, content)

@@ -9,7 +9,9 @@ import numpy as np
 import skfem
 
 PART = "part:"
-_KINDS = {(2, 3): skfem.MeshTri, (2, 4): skfem.MeshQuad, (3, 4): skfem.MeshTet}
+_KINDS = {(2, 3): skfem.MeshTri, (2, 4): skfem.MeshQuad, (3, 4): skfem.MeshTet, (3, 8): skfem.MeshHex}
+_CORNERS = {(3, 8): [0, 4, 3, 1, 7, 5, 2, 6]}
+"""Where scikit-fem's corners stand in the order of XDMF and VTK, which is that of stored cells, if that is another one."""
 
 
 def mesh_group(mesh: Any) -> dict[str, np.ndarray]:
@@ -17,7 +19,8 @@ def mesh_group(mesh: Any) -> dict[str, np.ndarray]:
     parts = {
         PART + name: np.asarray(mesh.facets[:, facets]).T for name, facets in (mesh.boundaries or {}).items()
     }
-    return {"positions": mesh.p.T, "cells": mesh.t.T, **parts}
+    order = np.argsort(_CORNERS.get((len(mesh.p), len(mesh.t)), range(len(mesh.t))))
+    return {"positions": mesh.p.T, "cells": mesh.t.T[:, order], **parts}
 
 
 def mesh_from(group: Mapping[str, np.ndarray]) -> Any:
@@ -25,6 +28,7 @@ def mesh_from(group: Mapping[str, np.ndarray]) -> Any:
     positions, cells = group["positions"], group["cells"]
     points, corners = np.ascontiguousarray(positions.T), np.ascontiguousarray(cells.T.astype(np.int64))
     kind = _KINDS[positions.shape[1], cells.shape[1]]
+    corners = corners[_CORNERS.get((positions.shape[1], cells.shape[1]), slice(None))]
     mesh = kind(points, corners)
     number = {frozenset(facet): index for index, facet in enumerate(mesh.facets.T.tolist())}
     boundaries = {

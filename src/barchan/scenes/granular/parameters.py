@@ -155,15 +155,15 @@ class GranularParameters(SceneParameters):
             tables["walls"] = {"y_min": "slip", "y_max": "slip", **tables.get("walls", {})}
         return tables
 
-    def check_box(self, walls: Group) -> None:
-        """Raise InputError unless size and cells agree, the walls exist and the frames can be numbered."""
+    def check_box(self, walls: Group, table: str = "walls") -> None:
+        """Raise InputError unless size and cells agree, the walls of [table] exist and the frames can be numbered."""
         box = self.box
         if len(box.cells) != len(box.size):
             raise InputError("box.cells", box.cells, f"{len(box.size)} numbers, as many as box.size has")
         for face in ("y_min", "y_max"):
             wall = getattr(walls, face)
             if self.dimension == 2 and wall is not None:
-                raise InputError(f"walls.{face}", _wall_text(wall), "left out in 2D (x and z only)")
+                raise InputError(f"{table}.{face}", _wall_text(wall), "left out in 2D (x and z only)")
         if self.frame_count > MOST_FRAMES:
             raise InputError(
                 "time.frame_rate",
@@ -172,5 +172,8 @@ class GranularParameters(SceneParameters):
             )
 
 
-def _wall_text(wall: str | FrictionalWall) -> str:
-    return wall if isinstance(wall, str) else f"{{friction = {wall.friction:g}}}"
+def _wall_text(wall: str | Group) -> str:
+    if isinstance(wall, str):
+        return wall
+    given = wall.model_dump(exclude_none=True)
+    return "{" + ", ".join(f"{key} = {value}" for key, value in given.items()) + "}"

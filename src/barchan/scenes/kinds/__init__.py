@@ -20,6 +20,8 @@ KIND_NAMES = (
     "fluid_cavity",
     "sand",
     "dry_p0",
+    "suspension",
+    "bodies",
 )
 """What `[scene] kind` may be; the first is the kind of a scene file that names none."""
 

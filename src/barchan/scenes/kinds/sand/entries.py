@@ -69,8 +69,8 @@ class MaterialsGroup(Group):
     __pydantic_extra__: dict[str, SandMaterial] = Field(init=False)
 
 
-class PieceOfMatter(Group):
-    """A piece of [matter]."""
+class Piece(Group):
+    """Where a piece of matter is at the start, and how it moves there."""
 
     shape: Literal["box", "sphere", "cylinder", "cone"] = Field(
         default="box", description="shape; 2D: rectangle, disk, triangle"
@@ -84,6 +84,11 @@ class PieceOfMatter(Group):
     height: Positive | None = Field(default=None, description="height of a cylinder or cone, m")
     rotation: list[float] | None = rotation_key("rotation vector of the shape, degrees")
     velocity: list[float] | None = vector_key("initial velocity, m/s")
+
+
+class PieceOfMatter(Piece):
+    """A piece of [matter]."""
+
     material: str = Field(default="", description="name in [materials]; empty: that of [material]")
     orientation: Literal["random", "aligned"] = Field(
         default="random", description="of anisotropic grains at the start"

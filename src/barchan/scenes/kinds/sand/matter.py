@@ -16,7 +16,7 @@ from barchan.bodies.rigid import Body, Shape
 from barchan.bodies.rigid.rotations import matrix
 from barchan.errors import InputError
 from barchan.flows.mpm import Material, State, fill_box
-from barchan.scenes.kinds.sand.entries import PieceOfMatter
+from barchan.scenes.kinds.sand.entries import Piece, PieceOfMatter
 from barchan.scenes.kinds.sand.parameters import SandParameters
 from barchan.scenes.kinds.sand.shapes import shape_of_piece
 from barchan.spaces import RegularGrid
@@ -29,7 +29,7 @@ _SAMPLES = 4  # along each edge of a brick that a boundary may cut
 
 def fill_piece(
     field: str,
-    piece: PieceOfMatter,
+    piece: Piece,
     grid: RegularGrid,
     per_cell: int,
     material: Material,

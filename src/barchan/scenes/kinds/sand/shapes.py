@@ -26,7 +26,7 @@ from barchan.bodies.rigid import (
 )
 from barchan.bodies.rigid.rotations import exponential
 from barchan.errors import InputError
-from barchan.scenes.kinds.sand.entries import BodyTable, PieceOfMatter
+from barchan.scenes.kinds.sand.entries import BodyTable, Piece
 from barchan.scenes.kinds.sand.parameters import SAMPLE_MESH
 from barchan.scenes.parameters import Group
 
@@ -45,7 +45,7 @@ def rotation_of(field: str, degrees: list[float] | None, dimension: int) -> Vect
     return np.asarray(exponential(np.radians(np.array(degrees, dtype=np.float64))))
 
 
-def shape_of_piece(field: str, piece: PieceOfMatter, dimension: int) -> Shape:
+def shape_of_piece(field: str, piece: Piece, dimension: int) -> Shape:
     """The shape of a piece of matter, where it is in the box."""
     if piece.shape == "box":
         shape: Shape = Box(_half_size(field, piece, dimension))
@@ -146,7 +146,7 @@ def _length(field: str, table: Group, name: str) -> float:
     return float(value)
 
 
-def _half_size(field: str, table: BodyTable | PieceOfMatter, dimension: int) -> Vector:
+def _half_size(field: str, table: BodyTable | Piece, dimension: int) -> Vector:
     if table.size is None:
         raise InputError(f"{field}.size", "missing", f"{dimension} lengths (m), for this shape")
     return 0.5 * np.array(table.size, dtype=np.float64)
