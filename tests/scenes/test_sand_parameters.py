@@ -68,7 +68,8 @@ class TestFiles:
             return
         assert (parameters.material.density, parameters.material.friction) == (theirs["rho"], theirs["mu"])
         assert parameters.material.friction_increment == theirs.get("delta_mu", 0.0)
-        if "box" in theirs and name != "cylinder_collapse":  # whose empty upper part is left out
+        # The empty upper part of the one is left out, the other is as wide for its outlet as the mesh-based silo.
+        if "box" in theirs and name not in ("cylinder_collapse", "silo_2d"):
             assert parameters.box.size == theirs["box"]
         if "cohesion" in theirs:
             assert parameters.material.cohesion == theirs["cohesion"]
