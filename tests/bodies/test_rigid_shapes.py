@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from barchan.bodies.rigid import (
     Box,
+    Capsule,
     Complement,
+    ConvexHull,
     Cylinder,
     Extruded,
     HalfSpace,
@@ -33,6 +35,9 @@ from barchan.bodies.rigid import (
 from barchan.errors import InputError
 
 L_SHAPE = [(0.0, 0.0), (1.0, 0.0), (1.0, 0.4), (0.4, 0.4), (0.4, 1.0), (0.0, 1.0)]
+HULL = np.array(
+    [(0, 0, 0.6), (0.5, 0.1, 0.2), (-0.2, 0.5, 0.3), (-0.4, -0.4, 0.1), (0.3, -0.5, -0.3), (0.0, 0.3, -0.6)]
+)
 TURN = np.array([np.cos(0.4), 0.0, np.sin(0.4) * 0.6, np.sin(0.4) * 0.8])
 
 EXACT: dict[str, Callable[[], Shape]] = {
@@ -40,6 +45,9 @@ EXACT: dict[str, Callable[[], Shape]] = {
     "disk": lambda: Sphere(0.7, dimension=2),
     "box": lambda: Box([0.5, 0.3, 0.4]),
     "rectangle": lambda: Box([0.5, 0.3]),
+    "capsule": lambda: Capsule(0.3, 0.4, axis=[2.0, -1.0, 2.0]),
+    "plane capsule": lambda: Capsule(0.3, 0.4, axis=[1.0, 0.5], dimension=2),
+    "convex hull": lambda: ConvexHull(HULL),
     "cylinder": lambda: Cylinder(0.4, 0.6, axis=1),
     "slanted cylinder": lambda: Cylinder(0.4, 0.6, axis=[1.0, 2.0, 2.0]),
     "torus": lambda: Torus(0.6, 0.25, axis=0),
@@ -152,6 +160,8 @@ AREAS = {
     "disk": 2 * np.pi * 0.7,
     "box": 8 * (0.15 + 0.2 + 0.12),
     "rectangle": 3.2,
+    "capsule": 4 * np.pi * 0.3 * (0.3 + 0.4),
+    "plane capsule": 2 * np.pi * 0.3 + 1.6,
     "cylinder": 2 * np.pi * 0.4 * (0.4 + 1.2),
     "torus": 4 * np.pi**2 * 0.6 * 0.25,
     "polygon": 4.0,
@@ -189,7 +199,18 @@ def test_volume_centre_and_inertia_are_those_of_random_points_inside(name: str) 
 
 
 @pytest.mark.parametrize(
-    "name", ["ball", "box", "slanted cylinder", "torus", "cone on the axis", "extruded", "moved"]
+    "name",
+    [
+        "ball",
+        "box",
+        "capsule",
+        "plane capsule",
+        "slanted cylinder",
+        "torus",
+        "cone on the axis",
+        "extruded",
+        "moved",
+    ],
 )
 def test_closed_forms_agree_with_the_moments_of_the_boundary(name: str) -> None:
     shape = EXACT[name]()
@@ -282,6 +303,19 @@ BAD: dict[str, tuple[str, Callable[[], object]]] = {
     "neck too wide": ("neck", lambda: hourglass(1.0, 1.0, 1.0)),
     "outlet too wide": ("outlet", lambda: funnel(0.1, 0.2, 1.0, 0.01)),
 }
+
+
+def test_a_corner_inside_a_convex_hull_is_refused_with_its_depth() -> None:
+    corners = [[-1, -1, -1], [1, -1, -1], [0, 1, -1], [0, 0, 1]]
+    with pytest.raises(InputError, match=r"vertex 4, 0\.25 m inside"):
+        ConvexHull([*corners, [0.0, 0.0, -0.75]])
+    for flat in (np.c_[np.eye(4, 2), np.zeros(4)], np.eye(4, 3) * [1.0, 1.0, 1e-13]):
+        with pytest.raises(InputError, match="vertices"):
+            ConvexHull(flat)
+    # a point on a face is neither inside nor a corner
+    cube = ConvexHull([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)] + [[0.5, 0.5, 1.0]])
+    assert len(cube.vertices) == 8 and len(cube.edges) == 12
+    assert [len(face) for face in cube.faces] == [4] * 6
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -40,13 +40,21 @@ def _directly(algebra: Phases, case: dict[str, np.ndarray], i: int, k: int) -> n
     kind = case["kind"][i, k]
     if kind == HELD:
         return np.array([wall, wall])
-    along = {FREE: np.eye(2), FLUID_HELD: np.array([[1.0], [0.0]]), CLOSED: np.array([[1.0], [-phi / (1 - phi)]])}[
-        kind
-    ]
-    offset = {FREE: np.zeros(2), FLUID_HELD: np.array([0.0, wall]), CLOSED: np.array([0.0, wall / (1 - phi)])}[kind]
+    along = {
+        FREE: np.eye(2),
+        FLUID_HELD: np.array([[1.0], [0.0]]),
+        CLOSED: np.array([[1.0], [-phi / (1 - phi)]]),
+    }[kind]
+    offset = {
+        FREE: np.zeros(2),
+        FLUID_HELD: np.array([0.0, wall]),
+        CLOSED: np.array([0.0, wall / (1 - phi)]),
+    }[kind]
     if phi == 0.0:  # no grains: the fluid alone
         along = along[1:, -1:] if kind == FREE else np.zeros((1, 0))
-        fluid = offset[1:] + along @ np.linalg.solve(along.T @ A[1:, 1:] @ along, along.T @ (load[1:] - A[1:, 1:] @ offset[1:]))
+        fluid = offset[1:] + along @ np.linalg.solve(
+            along.T @ A[1:, 1:] @ along, along.T @ (load[1:] - A[1:, 1:] @ offset[1:])
+        )
         return np.array([np.nan, fluid[0]])
     return offset + along @ np.linalg.solve(along.T @ A @ along, along.T @ (load - A @ offset))
 
@@ -64,7 +72,9 @@ def test_unknowns_solve_the_two_balances_at_every_kind_of_boundary(seed: int) ->
         assert fluid[i, k] == pytest.approx(expected[1], rel=1e-7, abs=1e-7)
         if phi > 0.0:
             assert unknowns[0][i, k] == pytest.approx(expected[0], rel=1e-7, abs=1e-7)
-            assert average[i, k] == pytest.approx(phi * expected[0] + (1 - phi) * expected[1], rel=1e-7, abs=1e-7)
+            assert average[i, k] == pytest.approx(
+                phi * expected[0] + (1 - phi) * expected[1], rel=1e-7, abs=1e-7
+            )
         else:
             assert average[i, k] == pytest.approx(expected[1], rel=1e-7, abs=1e-7)
 

@@ -212,14 +212,20 @@ def test_grains_leave_a_frictional_wall_and_fluid_takes_their_place() -> None:
     assert np.min(state.fluid_velocities[wall, 0]) < -1e-3
 
 
+def _in_a_tank(
+    mixture: Mixture, sides: dict[str, Side] | None = None, cells: tuple[int, int] = (4, 4)
+) -> Suspension:
+    return Suspension(RegularGrid.from_box((1.0, 1.0), cells), mixture, sides or {})
+
+
 @pytest.mark.parametrize(
     ("field", "make"),
     [
         ("max_volume_fraction", lambda: _mixture(max_volume_fraction=1.0)),
         ("fluid_viscosity", lambda: _mixture(viscosity=-1.0)),
-        ("grain_diameter", lambda: Suspension(RegularGrid.from_box((1.0, 1.0), (4, 4)), _mixture(diameter=0.3))),
-        ("sides", lambda: Suspension(RegularGrid.from_box((1.0, 1.0), (4, 4)), _mixture(), {"x_min": Side(velocity=(1.0, 0.0))})),
-        ("grid.cells", lambda: Suspension(RegularGrid.from_box((1.0, 1.0), (5, 4)), _mixture())),
+        ("grain_diameter", lambda: _in_a_tank(_mixture(diameter=0.3))),
+        ("sides", lambda: _in_a_tank(_mixture(), {"x_min": Side(velocity=(1.0, 0.0))})),
+        ("grid.cells", lambda: _in_a_tank(_mixture(), cells=(5, 4))),
         ("options.grains.velocity", lambda: Options(grains=mpm.Options(velocity="B2"))),
         ("options.model", lambda: Options(model="porous")),  # type: ignore[arg-type]
     ],

@@ -134,16 +134,20 @@ def _factored(M: sp.csr_array, C: sp.csr_array, kept: np.ndarray) -> Saddle | No
 def _is_proven(
     saddle: Saddle, M: sp.sparray, C: sp.csr_array, kept: np.ndarray, only_velocities: bool = False
 ) -> bool:
-    """Whether velocities cos(i), and multipliers cos(m + i) in the rows `kept`, are found from what they balance.
+    """Whether velocities cos(i) / sqrt(M_ii), and multipliers cos(m + i) in the rows `kept`, are found from what they balance.
 
-    Multipliers tell a singular S, whose pivots may be positive by rounding.
+    Multipliers tell a singular S, whose pivots may be positive by rounding. Both are measured as the inertia does: grains as
+    light as dust beside a heavy fluid, 1e12 apart, would else hide behind each other.
     """
-    velocities = np.cos(np.arange(M.shape[0], dtype=float))
+    weight = np.sqrt(M.diagonal())
+    velocities = np.cos(np.arange(M.shape[0], dtype=float)) / weight
     multipliers = np.zeros(C.shape[0])
     multipliers[kept] = np.cos(M.shape[0] + np.arange(len(kept), dtype=float))
+    pushed = float(np.linalg.norm((C.T @ multipliers) / weight))
+    multipliers *= float(np.linalg.norm((M @ velocities) / weight)) / max(pushed, 1e-300)
     with np.errstate(all="ignore"):
         found, pressed = saddle.solve(M @ velocities - C.T @ multipliers, C @ velocities)
-        wrong = np.linalg.norm(found - velocities) / np.linalg.norm(velocities)
+        wrong = np.linalg.norm(weight * (found - velocities)) / np.linalg.norm(weight * velocities)
         if not only_velocities and len(kept):
             wrong = max(wrong, np.linalg.norm(pressed - multipliers) / np.linalg.norm(multipliers))
     return bool(wrong <= PROVEN)

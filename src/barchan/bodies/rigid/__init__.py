@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from barchan.bodies.rigid.assemblies import funnel, hourglass, hourglass_of_revolution, plate_with_hole, wheel
 from barchan.bodies.rigid.body import Body
+from barchan.bodies.rigid.capsules import Capsule
 from barchan.bodies.rigid.checking import check_bodies
 from barchan.bodies.rigid.combined import Complement, Difference, Intersection, Moved, Repeated, Union
 from barchan.bodies.rigid.dynamics import (
@@ -22,6 +23,7 @@ from barchan.bodies.rigid.dynamics import (
     moved,
     predicted_velocities,
 )
+from barchan.bodies.rigid.hulls import ConvexHull
 from barchan.bodies.rigid.meshes import TriangleMesh, sample_mesh
 from barchan.bodies.rigid.motions import Fixed, Free, Motion, Prescribed
 from barchan.bodies.rigid.placement import body_distance, body_normals, body_surface, to_body, to_world
@@ -32,8 +34,8 @@ from barchan.bodies.rigid.states import BodyState, BodyStates
 from barchan.bodies.rigid.surfaces import Surface
 
 __all__ = [
-    "Shape", "Surface", "Sphere", "Box", "Cylinder", "Torus", "HalfSpace", "Polygon", "Extruded", "Revolved",
-    "TriangleMesh", "sample_mesh", "Union", "Intersection", "Difference", "Complement", "Moved", "Repeated",
+    "Shape", "Surface", "Sphere", "Box", "Capsule", "Cylinder", "Torus", "HalfSpace", "Polygon", "ConvexHull", "Extruded",
+    "Revolved", "TriangleMesh", "sample_mesh", "Union", "Intersection", "Difference", "Complement", "Moved", "Repeated",
     "wheel", "funnel", "hourglass", "hourglass_of_revolution", "plate_with_hole",
     "Body", "Motion", "Free", "Fixed", "Prescribed", "BodyState", "BodyStates",
     "is_driven", "generalised_masses", "generalised_velocities", "predicted_velocities", "contact_columns", "moved",

@@ -59,14 +59,15 @@ def points(value: ArrayLike, dimension: int) -> NDArray[np.float64]:
     return array
 
 
-def axis_direction(field: str, value: int | ArrayLike) -> NDArray[np.float64]:
-    """Unit vector (3,) of an axis given by its number 0, 1, 2 or by any non-zero vector."""
+def axis_direction(field: str, value: int | ArrayLike, dimension: int = 3) -> NDArray[np.float64]:
+    """Unit vector (dimension,) of an axis given by its number 0, 1, ... or by any non-zero vector."""
     if isinstance(value, (int, np.integer)):
-        if not 0 <= value <= 2:
-            raise InputError(field, int(value), "0, 1, 2 or a vector")
-        direction: NDArray[np.float64] = np.eye(3)[int(value)]
+        if not 0 <= value < dimension:
+            numbers = ", ".join(str(number) for number in range(dimension))
+            raise InputError(field, int(value), f"{numbers} or a vector")
+        direction: NDArray[np.float64] = np.eye(dimension)[int(value)]
         return direction
-    given = vector(field, value, (3,))
+    given = vector(field, value, (dimension,))
     length = float(np.linalg.norm(given))
     if length == 0.0:
         raise InputError(field, value, "a vector that is not zero")

@@ -96,7 +96,13 @@ def solve_continuum(
 
 
 def _tied(
-    problem: Problem, recorder: Recorder, r0: np.ndarray, budget: float, operator: str, sweeps: int, cost: float
+    problem: Problem,
+    recorder: Recorder,
+    r0: np.ndarray,
+    budget: float,
+    operator: str,
+    sweeps: int,
+    cost: float,
 ) -> float:
     """A few sweeps and one long run of accelerated gradients, for matter whose volume average is constrained; the work.
 
