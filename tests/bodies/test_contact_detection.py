@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import re
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -328,3 +330,14 @@ def test_a_ball_inside_a_mesh_is_pushed_out_the_shortest_way() -> None:
     found = ContactGeometry.of(bodies, 3).detect(BodyStates.at_start(bodies), 0.0)
     np.testing.assert_allclose(found.gaps, [-0.7])
     np.testing.assert_allclose(found.normals, [[0.0, 0.0, -1.0]], atol=1e-12)
+
+
+def test_the_example_of_the_page_runs() -> None:
+    page = Path(__file__).resolve().parents[2] / "docs" / "contact_detection.md"
+    (example,) = re.findall(
+        r"^```python\n(.*?)^```$", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    names: dict[str, object] = {}
+    exec(compile(example, str(page), "exec"), names)
+    assert len(names["contacts"]) == 12  # type: ignore[arg-type]
+    assert names["depth"] == 0.0 and names["too_fast"] == []
