@@ -33,6 +33,7 @@ def run_steps(name: str, steps: int, **overrides: Any) -> tuple[MoreauModel, Any
     return model, state, records  # type: ignore[return-value]
 
 
+@pytest.mark.filterwarnings("ignore:time.step")  # of cards that fall
 def test_a_card_house_stands_while_its_friction_is_above_the_tangent_of_the_lean() -> None:
     lean = math.tan(math.radians(15.0))
     for storeys in (2, 4):
@@ -294,6 +295,20 @@ def test_a_point_of_the_friction_law_is_read_off_a_shear_run() -> None:
     number, mu, error, phi = shear_point(found, 0.25)
     assert (number, mu, phi) == (pytest.approx(0.1, rel=1e-2), pytest.approx(0.3), pytest.approx(0.8))
     assert error < 1e-9
+
+
+def test_straight_data_fix_the_slope_of_the_friction_law_and_not_its_end() -> None:
+    from barchan.reproductions.grains_to_fields import law_of
+
+    inertial = np.array([0.01, 0.02, 0.05, 0.1])
+    straight = np.stack([inertial, 0.3 + 1.5 * inertial, np.full(4, 0.005), np.full(4, 0.8)], axis=1)
+    law = law_of(straight)
+    assert float(law.I_0) == pytest.approx(0.3)
+    assert law.mu_s == pytest.approx(0.3, abs=0.02) and law.mu_2 < 1.5
+    assert np.allclose(law.friction(inertial), straight[:, 1], atol=0.01)
+    bent = straight.copy()
+    bent[:, 1] = 0.3 + 0.4 * inertial / (0.05 + inertial)
+    assert float(law_of(bent).I_0) == pytest.approx(0.05, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -19,7 +19,9 @@ from barchan.scenes.granular.surface import free_surface
 
 Vector = NDArray[np.float64]
 
-TITLE = "From grains to fields: mu(I) from sheared discs, a column of discs and the continuum's (seed C, 3.3)"
+TITLE = (
+    "From grains to fields: mu(I) of sheared discs, their column and the continuum's (seed C, Fig. 5 and 3.3)"
+)
 
 INERTIAL = (0.2, 0.1, 0.05, 0.02, 0.01)
 QUICK_INERTIAL = (0.2, 0.1, 0.05, 0.02)

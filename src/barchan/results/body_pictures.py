@@ -18,7 +18,7 @@ from PIL import Image
 from barchan.bodies.rigid import Box, Capsule, HalfSpace, Moved, Polygon, Shape, Sphere, Union
 from barchan.bodies.rigid.rotations import matrix
 from barchan.results.animation import LARGEST_SIZE, encode
-from barchan.results.body_scenes import BodyScene, Forces
+from barchan.results.body_scenes import BodyScene
 from barchan.results.figures import new_figure, save_figure
 from barchan.results.pictures import COLOUR_MAP
 from barchan.results.view import spread_frames
@@ -65,7 +65,7 @@ def draw_forces(path: Path, scene: BodyScene, title: str) -> None:
     axis: Axes = figure.subplots()
     frame = scene.results.frames - 1
     draw_bodies(axis, scene, frame, plain=True)
-    lines = chain_lines(axis, scene, scene.forces(frame), frame)
+    lines = chain_lines(axis, scene, frame)
     figure.colorbar(lines, ax=axis, label="contact force (N/m)", shrink=0.9)
     axis.set_title(f"{title}\nforces, t = {scene.times[frame]:.3g} s", fontsize=10, loc="left")
     save_figure(figure, path)
@@ -204,21 +204,14 @@ def _half_plane(shape: HalfSpace, place: Vector, turn: Vector, window: tuple[Vec
     return [np.array(kept)] if len(kept) > 2 else []
 
 
-def chain_lines(axis: Axes, scene: BodyScene, forces: Forces, frame: int) -> Any:
-    """Lines from centre to contact to centre; only to the contact where a body has no end or is much larger."""
-    sizes, places = forces.sizes, scene.places(frame)
-    largest = max(float(np.max(sizes, initial=0.0)), 1e-300)
-    segments, strengths = [], []
-    for point, pair, size in zip(forces.points, forces.pairs, sizes, strict=True):
-        for number in pair:
-            if number >= 0 and scene.free[number]:
-                segments.append(np.stack([places[number], point]))
-                strengths.append(size)
+def chain_lines(axis: Axes, scene: BodyScene, frame: int) -> Any:
+    """Lines from centre to contact to centre; only to the contact where a body is driven."""
+    segments, strengths = scene.chains(frame)
+    largest = max(float(np.max(strengths, initial=0.0)), 1e-300)
     order = np.argsort(strengths)
     lines = LineCollection(
-        [segments[k] for k in order], array=np.array(strengths)[order] if segments else np.zeros(0),
-        linewidths=[0.3 + _WIDEST * strengths[k] / largest for k in order], cmap=FORCE_MAP,
-        norm=Normalize(0.0, largest), capstyle="round", zorder=5,
+        list(segments[order]), array=strengths[order], linewidths=0.3 + _WIDEST * strengths[order] / largest,
+        cmap=FORCE_MAP, norm=Normalize(0.0, largest), capstyle="round", zorder=5,
     )  # fmt: skip
     axis.add_collection(lines)
     return lines

@@ -21,6 +21,7 @@ _FRAMES_LOOKED_AT = 12
 _STILL = 0.01  # of sqrt(g R): the least speed at the upper end of a colour scale
 _SLIMMEST = 0.5  # width of the window over its height, and the reverse for the height
 _FLATTEST = 0.12
+_NEAR = 2.0  # radii of a body, from its centre to a contact of its own
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +100,21 @@ class BodyScene:
         return Forces(
             group["positions"].astype(np.float64), group["forces"].astype(np.float64), group["pairs"]
         )
+
+    def chains(self, frame: int) -> tuple[Vector, Vector]:
+        """Pieces (m, 2, d) of force chains, from the centres of free bodies to their contacts, and the forces (m,) [N].
+
+        Contacts with the image of a body in the next periodic cell are left out on the far side.
+        """
+        forces, places = self.forces(frame), self.places(frame)
+        pieces, strengths = [np.zeros((0, 2, places.shape[1]))], [np.zeros(0)]
+        for side in range(2):
+            number = np.maximum(forces.pairs[:, side], 0)
+            near = np.linalg.norm(places[number] - forces.points, axis=1) <= _NEAR * self.radii[number]
+            chosen = (forces.pairs[:, side] >= 0) & self.free[number] & near
+            pieces.append(np.stack([places[number], forces.points], axis=1)[chosen])
+            strengths.append(forces.sizes[chosen])
+        return np.concatenate(pieces), np.concatenate(strengths)
 
     @cached_property
     def looked_at(self) -> list[int]:

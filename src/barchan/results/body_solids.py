@@ -6,7 +6,6 @@ PyVista is an extra (`pip install "barchan[viz]"`); without it a warning says th
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from PIL import Image, ImageDraw
 from barchan.bodies.rigid import HalfSpace, Sphere
 from barchan.results.animation import LARGEST_SIZE, encode
 from barchan.results.body_pictures import FORCE_MAP
-from barchan.results.body_scenes import BodyScene, Forces
+from barchan.results.body_scenes import BodyScene
 from barchan.results.figures import new_figure, save_figure
 from barchan.results.pictures import COLOUR_MAP
 from barchan.results.view import spread_frames
@@ -33,6 +32,7 @@ _VIEW = np.array([0.9, -1.6, 0.75])  # from the middle of the window to the eye,
 _FACETS = 30  # across a body that is not a sphere
 _DRIVEN = "lightgrey"
 _THINNEST, _WIDEST = 0.05, 0.45  # radii of force lines, in the mean radius of bodies
+_SLIMMEST = 0.03  # of the window, in place of that radius where bodies are few and large
 
 
 def draw_strip(path: Path, scene: BodyScene, title: str) -> None:
@@ -60,12 +60,11 @@ def draw_forces(path: Path, scene: BodyScene, title: str) -> None:
     if not _has_pyvista():
         return
     frame = scene.results.frames - 1
-    forces = scene.forces(frame)
     figure = new_figure(7.6, 5.6)
     axis: Any = figure.subplots()
     axis.set_axis_off()
-    axis.imshow(picture(scene, frame, _PIXELS, forces))
-    largest = max(float(np.max(forces.sizes, initial=0.0)), 1e-300)
+    axis.imshow(picture(scene, frame, _PIXELS, with_forces=True))
+    largest = max(float(np.max(scene.forces(frame).sizes, initial=0.0)), 1e-300)
     figure.colorbar(
         ScalarMappable(Normalize(0.0, largest), FORCE_MAP), ax=axis, label="contact force (N)", shrink=0.8
     )
@@ -93,19 +92,18 @@ def draw_animation(path: Path, scene: BodyScene, title: str) -> None:
 
 
 def picture(
-    scene: BodyScene, frame: int, pixels: tuple[int, int], forces: Forces | None = None
+    scene: BodyScene, frame: int, pixels: tuple[int, int], with_forces: bool = False
 ) -> NDArray[np.uint8]:
-    """RGB image of a frame; with `forces` the bodies are glass and the forces are tubes."""
+    """RGB image of a frame; `with_forces` the bodies are glass and the forces are tubes."""
     import pyvista
 
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(pixels), lighting="three lights")
     plotter.set_background("white")
-    glass = forces is not None
     for free in (True, False):
-        _add_spheres(plotter, scene, frame, free, glass)
-    _add_solids(plotter, scene, frame, glass)
-    if forces is not None:
-        _add_forces(plotter, scene, frame, forces)
+        _add_spheres(plotter, scene, frame, free, with_forces)
+    _add_solids(plotter, scene, frame, with_forces)
+    if with_forces:
+        _add_forces(plotter, scene, frame)
     lower, upper = scene.window
     middle, size = 0.5 * (lower + upper), float(np.linalg.norm(upper - lower))
     plotter.camera_position = [middle + size * _VIEW * 0.72, middle, (0.0, 0.0, 1.0)]
@@ -186,35 +184,21 @@ def _facets(shape: Any) -> Vector:
     return np.asarray(shape.facets(float(np.max(upper - lower)) / _FACETS, lower, upper))
 
 
-def _add_forces(plotter: Any, scene: BodyScene, frame: int, forces: Forces) -> None:
+def _add_forces(plotter: Any, scene: BodyScene, frame: int) -> None:
     """A tube for each contact, from centre to centre."""
     import pyvista
 
-    segments, strengths = _segments(scene, frame, forces)
+    segments, strengths = scene.chains(frame)
     if len(segments) == 0:
         return
     largest = max(float(np.max(strengths)), 1e-300)
     count = len(segments)
     cells = np.concatenate([np.full((count, 1), 2), np.arange(2 * count).reshape(count, 2)], axis=1)
     lines = pyvista.PolyData(segments.reshape(-1, 3), lines=cells.ravel())
-    mean = float(np.mean(scene.radii[scene.free]))
+    mean = min(
+        float(np.mean(scene.radii[scene.free])), _SLIMMEST * float(np.max(np.ptp(scene.window, axis=0)))
+    )
     lines["force"] = np.repeat(strengths, 2)
     lines["radius"] = mean * (_THINNEST + (_WIDEST - _THINNEST) * lines["force"] / largest)
     tubes = lines.tube(scalars="radius", absolute=True, n_sides=8)
     plotter.add_mesh(tubes, scalars="force", cmap=FORCE_MAP, clim=(0.0, largest), show_scalar_bar=False)
-
-
-def _segments(scene: BodyScene, frame: int, forces: Forces) -> tuple[Vector, Vector]:
-    """Pieces (m, 2, 3) from the centres of free bodies to their contacts, and the forces (m,) [N]."""
-    places = scene.places(frame)
-    segments: list[Vector] = []
-    strengths: list[float] = []
-    for point, pair, size in zip(forces.points, forces.pairs, forces.sizes, strict=True):
-        for number in _free_of(scene, pair):
-            segments.append(np.stack([places[number], point]))
-            strengths.append(float(size))
-    return np.array(segments), np.array(strengths)
-
-
-def _free_of(scene: BodyScene, pair: Sequence[int]) -> list[int]:
-    return [int(number) for number in pair if number >= 0 and scene.free[number]]

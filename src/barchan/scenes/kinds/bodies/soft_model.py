@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -60,6 +60,8 @@ class SoftModel:
             self.bodies, contact_law(parameters), parameters.gravity_vector, cell_of(parameters, self.bodies),
             parameters.contact.rolling_friction,
         )  # fmt: skip
+        if self.spheres.cell is not None:
+            self._start = self.spheres.start(flowing(self._start.bodies, self.spheres.cell))
         self._rows = np.array(
             [number for number, body in enumerate(self.bodies) if isinstance(body.shape, Sphere)]
         )
@@ -91,7 +93,7 @@ class SoftModel:
         contacts = self.spheres.contacts(new)
         deepest = self._deepest(contacts, new)
         free = ~self.spheres.held
-        bodies, masses = new.bodies, self.spheres.masses[free]
+        bodies, masses = self._seen(new), self.spheres.masses[free]
         speeds, spins = (np.sum(rates[free] ** 2, axis=1) for rates in (bodies.velocities, bodies.spins))
         residual = deepest / float(np.min(self.spheres.radii))
         record = SoftRecord(
@@ -105,7 +107,7 @@ class SoftModel:
 
     def ended(self, state: SoftState) -> bool:
         """Whether everything rests."""
-        speeds = np.linalg.norm(state.bodies.velocities[~self.spheres.held], axis=1)
+        speeds = np.linalg.norm(self._seen(state).velocities[~self.spheres.held], axis=1)
         return state.time > 0.0 and bool(np.max(speeds) < self._parameters.time.rest_speed)
 
     def frame(self, state: SoftState) -> dict[str, Arrays]:
@@ -121,7 +123,7 @@ class SoftModel:
     def observables(self, state: SoftState, record: SoftRecord | None) -> dict[str, float]:
         """Scalars of a frame (see `observables.py`), energies in springs and lost, and the means of a periodic cell."""
         contacts = self.spheres.contacts(state)
-        energy = self.spheres.energy(state)
+        energy = self.spheres.energy(replace(state, bodies=self._seen(state)))
         deepest = self._deepest(contacts, state)
         seen = Contacts(self._pairs(contacts), contacts.forces, deepest)
         return {
@@ -135,10 +137,18 @@ class SoftModel:
             **self._cell_means(state),
         }
 
+    def _seen(self, state: SoftState) -> BodyStates:
+        """The grains; in a periodic cell with velocities relative to their centre of mass, which nothing holds in place."""
+        if self.spheres.cell is None:
+            return state.bodies
+        masses = self.spheres.masses
+        mean = masses @ state.bodies.velocities / np.sum(masses)
+        return replace(state.bodies, velocities=state.bodies.velocities - mean)
+
     def _all(self, state: SoftState) -> BodyStates:
         """The states of all bodies, walls included."""
         arrays = {name: np.array(values) for name, values in self._whole.arrays().items()}
-        for name, values in state.bodies.arrays().items():
+        for name, values in self._seen(state).arrays().items():
             arrays[name][self._rows] = values
         return BodyStates.from_arrays(arrays)
 
@@ -188,6 +198,13 @@ class SoftModel:
         else:
             values |= {"friction": 0.0, "inertial_number": 0.0}
         return values
+
+
+def flowing(bodies: BodyStates, cell: Cell) -> BodyStates:
+    """The grains of a sheared cell moving with it at the start, besides the velocities they are given."""
+    velocities = bodies.velocities.copy()
+    velocities[:, 0] += cell.shear_rate * (bodies.positions[:, -1] - 0.5 * cell.lengths[-1])
+    return replace(bodies, velocities=velocities)
 
 
 def contact_law(parameters: BodiesParameters) -> Hookean | Hertzian:
