@@ -48,7 +48,10 @@ def collision(contact: ContactLaw, mass: float, radius: float, speed: float) -> 
         return [y[1], -force(y[0], y[1]) * time / (mass * speed)]
 
     def over(_: float, y: np.ndarray) -> float:
-        return float(y[0] if contact.attractive else force(y[0], y[1]) * time / (mass * speed))
+        # Past the overlap an elastic force is zero for good, which has no crossing to be found.
+        if contact.attractive or y[0] <= 0.0:
+            return float(y[0])
+        return float(force(y[0], y[1]) * time / (mass * speed))
 
     def deepest(_: float, y: np.ndarray) -> float:
         return float(y[1])
