@@ -28,6 +28,7 @@ from barchan.flows.dry.state import DryState
 from barchan.flows.dry.strain import strain_operator
 from barchan.flows.mpm.material import Material
 from barchan.friction import Problem
+from barchan.linalg.frames import contact_frames
 
 Vector = NDArray[np.float64]
 
@@ -170,7 +171,7 @@ def wall_contacts(
     areas = np.linalg.norm(vectors, axis=1)
     numbers = np.cumsum(filled) - 1
     return Contacts(
-        found, sides, numbers[found], fractions[found] * areas, _frames(-vectors / areas[:, None]),
+        found, sides, numbers[found], fractions[found] * areas, contact_frames(-vectors / areas[:, None]),
         coefficient[cells.parts[found, sides]],
     )  # fmt: skip
 
@@ -198,13 +199,3 @@ def overburden(cells: Cells, fractions: Vector, density: float, largest: float, 
     heights = -(cells.centres @ gravity) / strength
     mean = float(matter @ heights / np.sum(matter)) - float(np.min(heights[matter > 0.0]))
     return density * largest * strength * max(mean, cells.smallest_width)
-
-
-def _frames(normals: Vector) -> Vector:
-    """(k, d, d) right-angled frames whose first rows are the unit normals (k, d)."""
-    if normals.shape[1] == 2:
-        return np.stack([normals, np.stack([-normals[:, 1], normals[:, 0]], axis=1)], axis=1)
-    helper = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, helper)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([normals, first, np.cross(normals, first)], axis=1)

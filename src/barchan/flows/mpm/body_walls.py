@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from barchan.bodies.rigid import Body, BodyState, contact_columns, generalised_masses
-from barchan.flows.mpm.contacts import Contacts, frames_of
+from barchan.flows.mpm.contacts import Contacts
 from barchan.flows.mpm.walls import Walls
+from barchan.linalg.frames import contact_frames
 from barchan.spaces import RegularGrid
 
 Vector = NDArray[np.float64]
@@ -71,7 +72,7 @@ def _contacts(
     held = np.isinf(generalised_masses(body, state))
     columns = np.where(held[None, :, None, :], 0.0, contact_columns(body, state, points))
     return Contacts(
-        names, np.full(count, area), frames_of(np.broadcast_to(normal, (count, d)).copy()),
+        names, np.full(count, area), contact_frames(np.broadcast_to(normal, (count, d)).copy()),
         np.full(count, float(body.friction)), np.zeros(count + 1, dtype=np.int32), np.zeros(0, dtype=np.int32),
         np.zeros(0), np.full(count, place), -area * columns, -area * speeds[:, None] * normal,
     )  # fmt: skip

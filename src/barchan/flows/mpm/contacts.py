@@ -71,21 +71,6 @@ def joined(parts: list[Contacts], d: int) -> Contacts:
     )
 
 
-def frames_of(normals: Vector) -> Vector:
-    """(k, d, d) orthonormal frames whose first rows are the unit `normals` (k, d)."""
-    d = normals.shape[1]
-    frames = np.empty((len(normals), d, d))
-    frames[:, 0] = normals
-    if d == 2:
-        frames[:, 1, 0], frames[:, 1, 1] = -normals[:, 1], normals[:, 0]
-        return frames
-    axis = np.argmin(np.abs(normals), axis=1)
-    tangent = np.eye(3)[axis] - normals * np.take_along_axis(normals, axis[:, None], axis=1)
-    frames[:, 1] = tangent / np.linalg.norm(tangent, axis=1)[:, None]
-    frames[:, 2] = np.cross(frames[:, 0], frames[:, 1])
-    return frames
-
-
 def wall_contacts(field: VelocityField, walls: Walls, volumes: Vector) -> Contacts:
     """Contacts of velocity functions with the frictional faces; keys are `id * 2 d + face`.
 

@@ -28,9 +28,10 @@ from barchan.bodies.rigid import (
 from barchan.bodies.rigid.rotations import matrix
 from barchan.flows.mpm.bases import VelocityBasis
 from barchan.flows.mpm.body_walls import contacts_with_walls
-from barchan.flows.mpm.contacts import Contacts, frames_of
+from barchan.flows.mpm.contacts import Contacts
 from barchan.flows.mpm.velocity import VelocityField
 from barchan.flows.mpm.walls import Walls
+from barchan.linalg.frames import contact_frames
 from barchan.spaces import RegularGrid
 
 Vector = NDArray[np.float64]
@@ -198,7 +199,7 @@ class Coupling:
         columns = (patches @ moving[0].reshape(len(points), -1)).reshape(len(keys), 2, d, d)
         driven = patches @ moving[1]
         return Contacts(
-            keys, areas, frames_of(mean / lengths[:, None]), np.full(len(keys), float(body.friction)),
+            keys, areas, contact_frames(mean / lengths[:, None]), np.full(len(keys), float(body.friction)),
             weights.indptr.astype(np.int32), weights.indices.astype(np.int32), weights.data,
             np.full(len(keys), place), columns, driven,
         )  # fmt: skip
@@ -221,7 +222,7 @@ class Coupling:
         columns, driven = self._boundary_velocities(number, states, points, dt, time, place)
         names = FIRST_INSIDE - (velocity.ids[deep] * len(self.bodies) + number)
         return Contacts(
-            names, np.full(count, area), frames_of(normals), np.full(count, float(body.friction)),
+            names, np.full(count, area), contact_frames(normals), np.full(count, float(body.friction)),
             np.arange(count + 1, dtype=np.int32), deep.astype(np.int32), np.full(count, area),
             np.full(count, place), area * columns, area * driven,
         )  # fmt: skip

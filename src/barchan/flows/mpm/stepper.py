@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from barchan.bodies.rigid import Body
 from barchan.errors import InputError
 from barchan.flows.mpm.coupling import Coupling
+from barchan.flows.mpm.kept import kept_on_grid
 from barchan.flows.mpm.material import Material
 from barchan.flows.mpm.momentum import StepProblem, build_step_problem
 from barchan.flows.mpm.multilevel import coarse_start
@@ -194,28 +195,12 @@ class Stepper:
         self, step: StepProblem, forces: NDArray[np.float64], velocities: NDArray[np.float64]
     ) -> dict[str, Any]:
         """What the last step leaves on the grid."""
-        count, nodes = len(step.rows.ids), step.matter.active.nodes
-        stresses, friction = step.stresses(forces), step.rheology.friction
-        own: dict[str, NDArray[Any]] = {"stress_ids": nodes[:0], "stresses": stresses[:0]}
-        if self.options.stress == "Q1":
-            at_nodes = np.zeros((len(nodes), stresses.shape[1] + 1))
-            at_nodes[np.searchsorted(nodes, step.rows.ids)] = np.column_stack([stresses, friction])
-        else:
-            at_nodes = step.rows.node_means(step.matter, np.column_stack([stresses, friction]))
-            if self.options.stress != "particles" and self.options.warm_start == "grid":
-                own = {"stress_ids": step.rows.ids, "stresses": stresses}
         if self.options.velocity != "Q1":
             velocities = step.velocity.at_nodes(velocities)
-        return {
-            "node_ids": nodes,
-            "node_velocities": velocities,
-            "node_stresses": np.ascontiguousarray(at_nodes[:, :-1]),
-            "node_friction": at_nodes[:, -1].copy(),
-            "node_volume_fractions": step.matter.volume_fractions,
-            "contact_keys": step.contacts.keys,
-            "contact_tractions": forces[count:, : self.grid.dimension].copy(),
-            **own,
-        }
+        return kept_on_grid(
+            self.options, step.matter, step.rows, step.contacts, step.stresses(forces), step.rheology.friction,
+            forces[len(step.rows.ids) :, : self.grid.dimension], velocities,
+        )  # fmt: skip
 
     def _record(
         self,

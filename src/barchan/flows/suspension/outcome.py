@@ -1,8 +1,6 @@
-"""What a two-phase step leaves on the grid, and its record."""
+"""The record of a two-phase step."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,30 +17,6 @@ Vector = NDArray[np.float64]
 
 # Share of phi_max from which on the slip at a node is reported.
 SEEN = 0.01
-
-
-def kept_on_grid(setting: Setting, rows: GrainRows, forces: Vector, velocities: Vector) -> dict[str, Any]:
-    """Fields of the grains' state at the nodes after a solution r (q + k, s) with `velocities` (n_g, d)."""
-    count, nodes = len(rows.rows.ids), rows.matter.active.nodes
-    stresses, friction = rows.stresses(forces), rows.rheology.friction
-    own: dict[str, NDArray[Any]] = {"stress_ids": nodes[:0], "stresses": stresses[:0]}
-    if setting.options.stress == "Q1":
-        at_nodes = np.zeros((len(nodes), stresses.shape[1] + 1))
-        at_nodes[np.searchsorted(nodes, rows.rows.ids)] = np.column_stack([stresses, friction])
-    else:
-        at_nodes = rows.rows.node_means(rows.matter, np.column_stack([stresses, friction]))
-        if setting.options.stress != "particles" and setting.options.warm_start == "grid":
-            own = {"stress_ids": rows.rows.ids, "stresses": stresses}
-    return {
-        "node_ids": nodes,
-        "node_velocities": velocities,
-        "node_stresses": np.ascontiguousarray(at_nodes[:, :-1]),
-        "node_friction": at_nodes[:, -1].copy(),
-        "node_volume_fractions": rows.matter.volume_fractions,
-        "contact_keys": rows.contacts.keys,
-        "contact_tractions": forces[count:, : setting.grid.dimension].copy(),
-        **own,
-    }
 
 
 def record_of(

@@ -23,6 +23,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from barchan.errors import InputError
+from barchan.flows.mpm.kept import kept_on_grid
 from barchan.flows.mpm.particles import follow_flow, started
 from barchan.flows.mpm.setting import Setting, checked_materials, gravity_vector
 from barchan.flows.mpm.state import State
@@ -33,7 +34,7 @@ from barchan.flows.suspension.checks import notes
 from barchan.flows.suspension.fluid_grid import FluidGrid
 from barchan.flows.suspension.mixture import Mixture
 from barchan.flows.suspension.options import Options
-from barchan.flows.suspension.outcome import kept_on_grid, record_of
+from barchan.flows.suspension.outcome import record_of
 from barchan.flows.suspension.phases import DENSEST, Phases, phases
 from barchan.flows.suspension.sides import Side, Sides
 from barchan.flows.suspension.state import SuspensionRecord, SuspensionState
@@ -179,7 +180,12 @@ class Suspension:
                 self.setting, before.grains, step.grains, own, shift, dt,  # type: ignore[arg-type]
                 False, step.grains.stresses(forces), before.grains.bodies,
             )  # fmt: skip
-        after = replace(after, **kept_on_grid(self.setting, step.grains, forces, own))
+        rows = step.grains
+        kept = kept_on_grid(
+            self.options.grains, rows.matter, rows.rows, rows.contacts, rows.stresses(forces), rows.rheology.friction,
+            forces[len(rows.rows.ids) :, :d], own,
+        )  # fmt: skip
+        after = replace(after, **kept)
         pressure = self.fluid.pressure_field(self._pressures(step, solution))
         new = SuspensionState(after, fluid, pressure)
         record = record_of(
