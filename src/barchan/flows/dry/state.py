@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,28 @@ from barchan.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)
-class DryState:
+class StoredState:
+    """What states of cells share: every field as an array for a checkpoint, and back."""
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Everything as arrays by name, for a checkpoint; `from_arrays` restores the same bytes."""
+        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> Self:
+        """The state whose `arrays()` these are; InputError when one is missing."""
+        names = [field.name for field in fields(cls)]
+        try:
+            found: dict[str, Any] = {name: np.array(arrays[name]) for name in names}
+        except KeyError as missing:
+            raise InputError("state", ", ".join(arrays), f"arrays with {missing.args[0]}") from None
+        return cls(**{
+            **found, "time": float(found["time"]), "step": int(found["step"]), "left": float(found["left"])
+        })  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class DryState(StoredState):
     """Everything the next step depends on; c cells with k sides in d dimensions.
 
     time : [s].  step : steps taken.
@@ -35,21 +56,6 @@ class DryState:
     tractions: NDArray[np.float64]
     frictions: NDArray[np.float64]
     left: float
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything as arrays by name, for a checkpoint; `from_arrays` restores the same bytes."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> DryState:
-        """The state whose `arrays()` these are; InputError when one is missing."""
-        try:
-            found: dict[str, Any] = {field.name: np.array(arrays[field.name]) for field in fields(cls)}
-        except KeyError as missing:
-            raise InputError("state", ", ".join(arrays), f"arrays with {missing.args[0]}") from None
-        return cls(**{
-            **found, "time": float(found["time"]), "step": int(found["step"]), "left": float(found["left"])
-        })  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from barchan.bodies.rigid import BodyStates
 from barchan.errors import InputError
 from barchan.flows.mpm.frames import advected_frames, bounded_frames, initial_frames
-from barchan.flows.mpm.momentum import StepProblem
 from barchan.flows.mpm.orientation import decayed_cohesion, evolved_orientations, isotropic
 from barchan.flows.mpm.ownership import carried_grains, taken, with_grains, with_heirs
 from barchan.flows.mpm.resampling import resample
 from barchan.flows.mpm.setting import Setting
 from barchan.flows.mpm.state import State
+from barchan.flows.mpm.stresses import StressRows
+from barchan.flows.mpm.velocity import VelocityField
 from barchan.flows.mpm.walls import left_through
 from barchan.spaces import sort_particles
 
@@ -71,7 +72,8 @@ def _needs_frames(setting: Setting) -> bool:
 def follow_flow(
     setting: Setting,
     state: State,
-    step: StepProblem,
+    field: VelocityField,
+    rows: StressRows,
     velocities: Vector,
     shift: Vector | None,
     dt: float,
@@ -81,13 +83,13 @@ def follow_flow(
 ) -> tuple[State, int]:
     """The particles after `dt` seconds in the field `velocities` (n, d), with what they carry, and the substeps of the move.
 
+    field, rows : the velocity functions and stresses of the step.
     resting : whether the step is a PIC step because it began nearly at rest.
     stresses : (q, s) [Pa] of the rows, left on the particles where these carry stresses.
     bodies : where the rigid bodies are after the step; particles do not stay inside them.
 
     Raises InputError when the last particle has left through an open face.
     """
-    field = step.velocity
     speeds, slopes = field.to_particles(velocities)
     places, substeps = field.moved(velocities, speeds, dt, setting.options.cfl, shift)
     if setting.options.transfer == "flip" and state.step > 0 and not resting:
@@ -97,8 +99,8 @@ def follow_flow(
     affine = field.affine(velocities, slopes)
     new: dict[str, Any] = {"positions": places, "velocities": speeds, "affine": affine}
     if len(state.particle_stresses):
-        new["particle_stresses"] = step.rows.at_particles(stresses)
-    new |= _carried(setting, state, step, slopes, dt)
+        new["particle_stresses"] = rows.at_particles(stresses)
+    new |= _carried(setting, state, slopes, dt)
     after = replace(state, time=state.time + dt, step=state.step + 1, **new)
     after = carried_grains(setting, state, after, slopes, dt)
     out = left_through(setting.grid, setting.walls, after.positions)
@@ -118,7 +120,7 @@ def follow_flow(
     return after, substeps
 
 
-def _carried(setting: Setting, state: State, step: StepProblem, slopes: Vector, dt: float) -> dict[str, Any]:
+def _carried(setting: Setting, state: State, slopes: Vector, dt: float) -> dict[str, Any]:
     """Frames, orientations and cohesion in the velocity gradients `slopes` (P, d, d)."""
     new: dict[str, Any] = {}
     if len(state.frames):

@@ -116,7 +116,7 @@ class Stepper:
         with threads_for(before.particle_count):
             shift = self._shift(step, solution, dt)
             after, substeps = follow_flow(
-                self.setting, before, step, blocks[:count], shift, dt,
+                self.setting, before, step.velocity, step.rows, blocks[:count], shift, dt,
                 self._rests(before), step.stresses(forces), bodies,
             )  # fmt: skip
         after = replace(after, **self._kept(step, forces, blocks[:count]))

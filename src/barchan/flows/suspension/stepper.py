@@ -177,7 +177,7 @@ class Suspension:
         with threads_for(before.grains.particle_count):
             shift = self._shift(step, solution, own, dt)
             after, substeps = follow_flow(
-                self.setting, before.grains, step.grains, own, shift, dt,  # type: ignore[arg-type]
+                self.setting, before.grains, step.grains.velocity, step.grains.rows, own, shift, dt,
                 False, step.grains.stresses(forces), before.grains.bodies,
             )  # fmt: skip
         rows = step.grains

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from barchan.errors import InputError
+from barchan.flows.dry.state import StoredState
 
 
 @dataclass(frozen=True, eq=False)
-class SuspensionState:
+class SuspensionState(StoredState):
     """Everything the next step depends on; c cells with k sides in d dimensions, v vertices.
 
     time : [s].  step : steps taken.
@@ -47,21 +45,6 @@ class SuspensionState:
         """(c, d) u_v = phi u_g + (1 - phi) u_f with the volume fractions after transport [m/s]."""
         phi = self.fractions[:, None]
         return phi * self.grains + (1.0 - phi) * self.fluid
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Everything as arrays by name, for a checkpoint; `from_arrays` restores the same bytes."""
-        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> SuspensionState:
-        """The state whose `arrays()` these are; InputError when one is missing."""
-        try:
-            found: dict[str, Any] = {field.name: np.array(arrays[field.name]) for field in fields(cls)}
-        except KeyError as missing:
-            raise InputError("state", ", ".join(arrays), f"arrays with {missing.args[0]}") from None
-        return cls(**{
-            **found, "time": float(found["time"]), "step": int(found["step"]), "left": float(found["left"])
-        })  # fmt: skip
 
 
 @dataclass(frozen=True)
