@@ -207,7 +207,7 @@ def test_transfers_give_the_same_bytes_on_one_and_two_threads(random_state, byte
         matter = particles_to_grid(grid, state)
         velocities, affine = grid_to_particles(matter, matter.velocities, state.positions)
         moved = move_particles(matter, matter.velocities, state.positions, velocities, 0.1, 3)
-        return matter.volumes, matter.velocities, matter.gradients, velocities, affine, moved
+        return matter.volumes, matter.velocities, matter.gradients(), velocities, affine, moved
 
     one, two = bytes_by_threads(transfer)
     assert one == two

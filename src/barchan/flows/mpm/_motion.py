@@ -69,8 +69,11 @@ def grid_to_particles(
     velocities: NDArray[np.float64],
     affine: NDArray[np.float64],
 ) -> None:
-    """v_p = sum_i w_i(x_p) u_i (P, d) and c_p = sum_i u_i (x) grad w_i(x_p) (P, d, d) into arrays filled with zeros."""
-    d = positions.shape[1]
+    """v_p = sum_i w_i(x_p) u_i (P, d) and c_p = sum_i u_i (x) grad w_i(x_p) (P, d, d) into arrays filled with zeros.
+
+    An `affine` (0, d, d) leaves c_p out.
+    """
+    d, sloped = positions.shape[1], affine.shape[0] > 0
     for p in prange(positions.shape[0]):
         i0, t0 = _cell_and_local(positions[p, 0], origin[0], spacing[0], cells[0])
         i1, t1 = _cell_and_local(positions[p, 1], origin[1], spacing[1], cells[1])
@@ -85,6 +88,8 @@ def grid_to_particles(
                     for e in range(d):
                         u = node_velocities[a, e]
                         velocities[p, e] += w0 * w1 * w2 * u
+                        if not sloped:
+                            continue
                         affine[p, e, 0] += g0 * w1 * w2 * u
                         affine[p, e, 1] += w0 * g1 * w2 * u
                         if d == 3:

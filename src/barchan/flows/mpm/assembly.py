@@ -68,5 +68,9 @@ def viscous_stiffness(matter: GridMatter, viscosity: float, free: NDArray[np.boo
     rows, _ = np.nonzero(linked)
     indices = matter.stencil.neighbours[linked]
     indptr = np.append(0, np.cumsum(np.count_nonzero(linked, axis=1))).astype(np.int32)
-    data = viscosity * blocks[linked] * free[rows][:, :, None] * free[indices][:, None, :]
+    data = blocks[linked]
+    del blocks  # as large as all else here
+    data *= viscosity
+    data *= free[rows][:, :, None]
+    data *= free[indices][:, None, :]
     return sp.bsr_array((data, indices, indptr), shape=(count * d, count * d))

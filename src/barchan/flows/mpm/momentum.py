@@ -35,13 +35,11 @@ SMALLEST_MASS_SHARE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class StepProblem:
-    """The frictional problem of a step and what it was made from.
+class StepFields:
+    """What the frictional problem of a step is made from.
 
     matter : the matter on the grid.  velocity : its n velocities.  rows : its q stresses.
     contacts : the k contacts with walls and bodies.  rheology : the law of the rows.
-    problem : q + k blocks of size s; r in Pa, the first q blocks being contact stresses, multiplied by the metric where
-        friction is anisotropic, and the others tractions.
     start : (q + k, s) warm start [Pa], as r.
     """
 
@@ -50,7 +48,6 @@ class StepProblem:
     rows: StressRows
     contacts: Contacts
     rheology: Rheology
-    problem: Problem
     start: NDArray[np.float64]
 
     def stresses(self, r: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -59,6 +56,22 @@ class StepProblem:
         if self.rheology.inverse_metric is None:
             return own.copy()
         return np.asarray(np.einsum("qst,qt->qs", self.rheology.inverse_metric, own))
+
+
+@dataclass(frozen=True, eq=False)
+class StepProblem(StepFields):
+    """The frictional problem of a step, with what it was made from.
+
+    problem : q + k blocks of size s; r in Pa, the first q blocks being contact stresses, multiplied by the metric where
+        friction is anisotropic, and the others tractions.
+    """
+
+    problem: Problem
+
+    @property
+    def fields(self) -> StepFields:
+        """All but the problem, whose matrices are most of the memory of a step."""
+        return StepFields(self.matter, self.velocity, self.rows, self.contacts, self.rheology, self.start)
 
 
 def build_step_problem(setting: Setting, state: State, dt: float, affine: bool) -> StepProblem:
@@ -75,6 +88,7 @@ def build_step_problem(setting: Setting, state: State, dt: float, affine: bool) 
     free = free_components(setting.basis, setting.walls, velocity.ids)
     start = warm_start(setting, state, rows, contacts)
     material, count = setting.materials[0], len(rows.ids)
+    inertia, predicted = _inertia(setting, state, velocity, free, dt)  # its matrices go before others come
     allowance = compression_allowance(rows, material.max_volume_fraction, material.packing_tolerance, dt)
     plain = strain_operator(rows, free)
     law = rheology(
@@ -84,7 +98,6 @@ def build_step_problem(setting: Setting, state: State, dt: float, affine: bool) 
     if law.metric is not None and law.inverse_metric is not None:
         strain = strain_operator(rows, free, law.inverse_metric)
         start[:count] = np.einsum("qst,qt->qs", law.metric, start[:count])
-    inertia, predicted = _inertia(setting, state, velocity, free, dt)
     moving = setting.coupling.free if setting.coupling is not None else []
     boundary = np.zeros((len(contacts), start.shape[1]))
     boundary[:, : setting.grid.dimension] = contacts.velocities_of_boundary
@@ -97,7 +110,7 @@ def build_step_problem(setting: Setting, state: State, dt: float, affine: bool) 
         block_size=start.shape[1],
         reference_force=reference_stress(setting, state) * float(np.sqrt(len(start))),
     )
-    return StepProblem(matter, velocity, rows, contacts, law, problem, start)
+    return StepProblem(matter, velocity, rows, contacts, law, start, problem)
 
 
 def reference_stress(setting: Setting, state: State) -> float:

@@ -27,7 +27,7 @@ from barchan.errors import InputError
 from barchan.flows.mpm.coupling import Coupling
 from barchan.flows.mpm.kept import kept_on_grid
 from barchan.flows.mpm.material import Material
-from barchan.flows.mpm.momentum import StepProblem, build_step_problem
+from barchan.flows.mpm.momentum import StepFields, StepProblem, build_step_problem
 from barchan.flows.mpm.multilevel import coarse_start
 from barchan.flows.mpm.options import Options
 from barchan.flows.mpm.particles import follow_flow, started
@@ -106,23 +106,36 @@ class Stepper:
         step = self._build(before, dt)
         solution = self._solve(before, step)
         assert solution.v is not None  # a full problem always has velocities
-        count = len(step.velocity.ids)
-        blocks = solution.v.reshape(-1, self.grid.dimension)
-        forces = solution.r.reshape(len(step.start), -1)
-        bodies = before.bodies
-        if self.setting.coupling is not None:
-            moving = blocks[count:].reshape(-1, 2, self.grid.dimension)
-            bodies = self.setting.coupling.moved(bodies, moving, dt, before.time)
         with threads_for(before.particle_count):
             shift = self._shift(step, solution, dt)
-            after, substeps = follow_flow(
-                self.setting, before, step.velocity, step.rows, blocks[:count], shift, dt,
-                self._rests(before), step.stresses(forces), bodies,
-            )  # fmt: skip
-        after = replace(after, **self._kept(step, forces, blocks[:count]))
-        record = self._record(after, dt, step, solution, blocks[:count], substeps)
         step.problem.release()
-        return after, record
+        fields = step.fields
+        del step  # its matrices make room for the particles
+        blocks = solution.v.reshape(-1, self.grid.dimension)
+        after, substeps = self._followed(before, fields, blocks, solution.r, shift, dt)
+        return after, self._record(after, dt, fields, solution, blocks[: len(fields.velocity.ids)], substeps)
+
+    def _followed(
+        self,
+        before: State,
+        fields: StepFields,
+        blocks: NDArray[np.float64],
+        r: NDArray[np.float64],
+        shift: NDArray[np.float64] | None,
+        dt: float,
+    ) -> tuple[State, int]:
+        """The state after a step with the solution (blocks, r), and the substeps of the particles' move."""
+        count, d = len(fields.velocity.ids), self.grid.dimension
+        forces = r.reshape(len(fields.start), -1)
+        bodies = before.bodies
+        if self.setting.coupling is not None:
+            bodies = self.setting.coupling.moved(bodies, blocks[count:].reshape(-1, 2, d), dt, before.time)
+        with threads_for(before.particle_count):
+            after, substeps = follow_flow(
+                self.setting, before, fields.velocity, fields.rows, blocks[:count], shift, dt,
+                self._rests(before), fields.stresses(forces), bodies,
+            )  # fmt: skip
+        return replace(after, **self._kept(fields, forces, blocks[:count])), substeps
 
     def _solve(self, state: State, step: StepProblem) -> Solution:
         choices: dict[str, Any] = {}
@@ -192,7 +205,7 @@ class Stepper:
         return within_energy(shift, masses, self.setting.gravity, dissipated)
 
     def _kept(
-        self, step: StepProblem, forces: NDArray[np.float64], velocities: NDArray[np.float64]
+        self, step: StepFields, forces: NDArray[np.float64], velocities: NDArray[np.float64]
     ) -> dict[str, Any]:
         """What the last step leaves on the grid."""
         if self.options.velocity != "Q1":
@@ -206,7 +219,7 @@ class Stepper:
         self,
         state: State,
         dt: float,
-        step: StepProblem,
+        step: StepFields,
         solution: Solution,
         velocities: NDArray[np.float64],
         substeps: int,

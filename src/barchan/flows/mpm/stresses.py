@@ -109,7 +109,7 @@ def _continuous(name: str, matter: GridMatter, field: VelocityField, state: Stat
     """One row per active node."""
     grid, nodes = matter.grid, matter.active.nodes
     if name == "Q1" and field.basis.name == "Q1":
-        volumes, linked, gradients = matter.volumes, matter.stencil.linked, matter.gradients
+        volumes, linked, gradients = matter.volumes, matter.stencil.linked, matter.gradients()
         neighbours, room = matter.stencil.neighbours, matter.occupied_capacities
     else:
         table, sums = _cell_table(name, matter, field, state)

@@ -85,9 +85,11 @@ class GridMatter:
         """(n,) volume fractions: matter over capacity."""
         return self.volumes / self.capacities
 
-    @cached_property
     def gradients(self) -> NDArray[np.float64]:
-        """(n, 3^d, d) stencil g_ij = sum_p V_p w_i(x_p) grad w_j(x_p) [m^(d-1)], zero at neighbours not `linked`."""
+        """(n, 3^d, d) stencil g_ij = sum_p V_p w_i(x_p) grad w_j(x_p) [m^(d-1)], zero at neighbours not `linked`.
+
+        Made anew by each call: it is as large as the particles' share of a state, and quickly made.
+        """
         tables, d = moment_tables(self.grid.dimension), self.grid.dimension
         gradients = np.zeros((len(self.volumes), 3**d, d))
         gather_gradients(
@@ -179,8 +181,13 @@ def move_particles(
         lowest, highest, dt / substeps, substeps, moved,
     )  # fmt: skip
     if shift is not None and np.any(shift):
-        displacement, _ = grid_to_particles(matter, shift, positions)
-        np.clip(moved + displacement, lowest[: grid.dimension], highest[: grid.dimension], out=moved)
+        displacement = np.zeros_like(positions)
+        no_slopes = np.empty((0, grid.dimension, grid.dimension))
+        _grid_to_particles(
+            positions, *_padded(grid), matter.active.node_numbers, shift, displacement, no_slopes
+        )
+        moved += displacement
+        np.clip(moved, lowest[: grid.dimension], highest[: grid.dimension], out=moved)
     return moved
 
 

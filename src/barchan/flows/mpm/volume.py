@@ -46,7 +46,8 @@ def volume_shift(
     """
     grid, stencil = matter.grid, matter.stencil
     neighbours = np.where(stencil.linked, stencil.neighbours, -1).astype(np.int32)
-    predicted = volume_changes(matter.gradients, neighbours, dt * node_velocities)
+    gradients = matter.gradients()
+    predicted = volume_changes(gradients, neighbours, dt * node_velocities)
     excess = matter.volumes - max_volume_fraction * matter.open_capacities + predicted
     index = grid.node_indices(matter.active.nodes)
     for face, wall in enumerate(() if walls is None else walls.on(grid.dimension)):
@@ -60,7 +61,7 @@ def volume_shift(
     tables = moment_tables(grid.dimension)
     gather_poisson(stencil.cells, tables.slots, tables.product, stencil.slopes, matter.moments, stiffness)
     potential = least_potential(stiffness, neighbours, target, ITERATIONS)
-    shift = -mean_slopes(matter.gradients, neighbours, potential) / matter.volumes[:, None]
+    shift = -mean_slopes(gradients, neighbours, potential) / matter.volumes[:, None]
     shift[(index == 0) | (index == grid.cells)] = 0.0
     limit = LARGEST_SHIFT * grid.spacing
     return np.asarray(np.clip(shift, -limit, limit))
