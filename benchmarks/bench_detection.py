@@ -77,11 +77,12 @@ def run_one(task: dict[str, Any]) -> dict[str, Any]:
     wall, processor = best_of(lambda: geometry.detect(states, REACH), task["times"])
     placed = geometry.placed(states)
     still = np.zeros((len(states), 3)), np.zeros(len(states))
-    broad, _ = best_of(lambda: close_pairs(geometry.extents(placed, 0.5 * REACH, *still)), task["times"])
+    margins = np.full(len(states), 0.5 * REACH)
+    broad, _ = best_of(lambda: close_pairs(geometry.extents(placed, margins, *still)), task["times"])
     centres = states.positions[:-1]
     peer, _ = best_of(lambda: KDTree(centres).query_pairs(2.0 + REACH, output_type="ndarray"), 2)
     return {
-        "pairs": len(close_pairs(geometry.extents(placed, 0.5 * REACH, *still))),
+        "pairs": len(close_pairs(geometry.extents(placed, margins, *still))),
         "contacts": len(geometry.detect(states, REACH)),
         "compiled": compiled,
         "broad": broad,

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from barchan.bodies.moreau import (
     Assembly,
@@ -185,6 +187,62 @@ def test_a_state_written_and_read_again_continues_with_the_same_bytes() -> None:
     one, two = assembly.advance(state, 0.005)[0], assembly.advance(again, 0.005)[0]
     for a, b in zip(one.arrays().values(), two.arrays().values(), strict=True):
         assert np.array_equal(a, b)
+
+
+def _ball(name: str, x: float, speed: float, d: int = 2, y: float = 0.0) -> Body:
+    across = (0.0,) * (d - 2)
+    return Body(
+        Sphere(0.01, d), name, density=2500.0, position=(x, *across, y), velocity=(speed, *across, 0.0)
+    )
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_ball_does_not_run_into_one_that_stops_ahead_of_it(d: int) -> None:
+    # both go at 3 m/s, so their gap does not close until the wall stops the first within the step
+    wall = Body(HalfSpace(-np.eye(d)[0]), "wall", position=[0.024] + [0.0] * (d - 1), motion=Fixed())
+    balls = [_ball("ahead", 0.01, 3.0, d), _ball("behind", -0.014, 3.0, d)]
+    assembly = Assembly([wall, *balls], gravity=0.0, options=EXACT)
+    state, record = assembly.advance(assembly.started(), 0.01)
+    assert record.converged
+    gap = state.bodies.positions[1, 0] - state.bodies.positions[2, 0] - 0.02
+    assert -1e-9 <= gap < 1e-6
+
+
+def test_a_push_goes_through_a_row_of_balls_that_do_not_touch_within_one_step() -> None:
+    # nothing but the first moves: the contacts between the others are there only once the step is solved
+    row = [_ball(f"ball {i}", 0.0205 * i, 3.0 if i == 0 else 0.0) for i in range(6)]
+    assembly = Assembly(row, gravity=0.0, options=EXACT)
+    state, _ = assembly.advance(assembly.started(), 0.01)
+    gaps = np.diff(state.bodies.positions[:, 0]) - 0.02
+    assert np.all(gaps > -1e-3 * 0.01)
+    assert state.bodies.velocities[-1, 0] > 0.0
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000), st.sampled_from([2, 3]))
+def test_round_bodies_never_overlap_however_fast_they_meet(seed: int, d: int) -> None:
+    # gaps of convex round bodies are never less than their linear prediction: contacts alone keep them apart
+    rng = np.random.default_rng(seed)
+    places = 0.021 * np.stack(np.unravel_index(np.arange(4**d), (4,) * d), axis=1)
+    bodies = [
+        Body(Sphere(0.01, d), f"{i}", density=2500.0, position=place, velocity=rng.normal(0.0, 2.0, d))
+        for i, place in enumerate(places)
+    ]
+    assembly = Assembly(bodies, gravity=0.0, options=Options(tolerance=1e-8))
+    state = assembly.started()
+    for _ in range(3):
+        state, record = assembly.advance(state, 0.005)
+        found = assembly.geometry.detect(state.bodies, 0.0).gaps
+        assert record.converged and np.all(found > -2e-3 * 0.01)
+
+
+def test_fixed_bodies_join_no_contacts_together() -> None:
+    balls = [_ball(f"ball {i}", 0.1 * i, 0.0, y=0.01) for i in range(3)]
+    assembly = Assembly([_floor(2), *balls], options=EXACT)
+    problem = assembly.problem(assembly.started(), 0.01)
+    coupling = (abs(problem.H) @ abs(problem.H).T).toarray()
+    assert problem.n == 3 and problem.H.nnz == 3 * 2 * 4
+    assert all(coupling[2 * i : 2 * i + 2, 2 * j : 2 * j + 2].sum() == 0.0 for i, j in ((0, 1), (1, 2)))
 
 
 def test_bad_input_is_named() -> None:

@@ -1,7 +1,8 @@
 """Plane shear at fixed pressure follows the published friction law of discs.
 
 F. da Cruz, S. Emam, M. Prochnow, J.-N. Roux, F. Chevoir, Phys. Rev. E 72, 021309 (2005): discs of diameters 1 -+ 0.2, contact
-friction 0.4, restitution 0.1: mu* = 0.25 + 1.1 I and volume fraction 0.81 - 0.3 I for I = gamma' sqrt(m / P) up to 0.2.
+friction 0.4, restitution 0.1: mu* = 0.25 + 1.1 I and volume fraction 0.81 - 0.3 I for I = gamma' sqrt(m / P) up to 0.2
+(quoted from knowledge of the article, not read off a copy).
 """
 
 from __future__ import annotations

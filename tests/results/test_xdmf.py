@@ -91,3 +91,35 @@ def test_counts_topologies_and_vectors_agree(movie: tuple[Path, int]) -> None:
             assert item is not None
             components = "" if attribute.attrib["AttributeType"] == "Scalar" else " 3"
             assert item.attrib["Dimensions"] == points + components
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_bodies_and_their_contacts_are_two_clouds_that_vtk_reads(d: int, tmp_path: Path) -> None:
+    pyvista = pytest.importorskip("pyvista", reason="VTK reads the file")
+    rng, store = np.random.default_rng(d), MemoryStore()
+    kept = []
+    for k in range(2):
+        touching = 3 * k
+        bodies = {
+            "positions": rng.random((5, d)), "velocities": rng.random((5, d)), "volumes": np.ones(5),
+            "rotations": rng.random((5, 1 if d == 2 else 4)), "spins": rng.random((5, 1 if d == 2 else 3)),
+            "shape_kinds": np.arange(5), "shape_sizes": rng.random((5, 3)),
+        }  # fmt: skip
+        contacts = {
+            "positions": rng.random((touching, d)), "normals": rng.random((touching, d)),
+            "forces": rng.random((touching, d)), "pairs": np.zeros((touching, 2), np.int32),
+        }  # fmt: skip
+        kept.append((bodies, contacts))
+        store.put_frame(k, frame_tree({"particles": bodies, "contacts": contacts}, {}, {"time": 0.5 * k}))
+    assemble(store, 2, "", tmp_path / "results.h5")
+    write_xdmf(tmp_path / "results.h5", tmp_path / "results.xdmf")
+    reader = pyvista.XdmfReader(str(tmp_path / "results.xdmf"))
+    assert reader.time_values == [0.0, 0.5]
+    reader.set_active_time_point(1)
+    read = reader.read()
+    found = {name.split("[")[0]: block for name, block in zip(read.keys(), read, strict=True)}
+    bodies, contacts = kept[1]
+    np.testing.assert_allclose(found["particles"].points[:, :d], bodies["positions"], rtol=1e-6)
+    np.testing.assert_allclose(found["particles"]["size"], bodies["shape_sizes"], rtol=1e-6)
+    np.testing.assert_allclose(found["contacts"]["force"][:, :d], contacts["forces"], rtol=1e-6)
+    assert set(found["particles"].array_names) >= {"velocity", "volume", "spin", "shape", "size"}

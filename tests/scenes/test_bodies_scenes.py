@@ -131,15 +131,35 @@ def test_a_resumed_run_has_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_problems_go_to_the_run_folder_and_their_solutions_are_certified(tmp_path: Path) -> None:
-    model = scenes.load("box_stack", **{"observe.write_problems_every": 2}).model()
-    model.folder = tmp_path  # type: ignore[attr-defined]
-    state = model.initial()
-    for _ in range(4):
-        state, _ = model.advance(state, 0.01)
-    files = sorted((tmp_path / "problems").iterdir())
+    over = {"observe.write_problems_every": 2, "time.end": 0.04, "time.frame_rate": 50.0}
+    scene = scenes.load("box_stack", **over)
+    run = scene.run(out=tmp_path / "run", progress=False, pictures=False)
+    files = sorted((tmp_path / "run" / "problems").iterdir())
     assert [file.name for file in files] == ["step_000002.hdf5", "step_000004.hdf5"]
-    problem = friction.read(str(files[0]))
-    assert problem.n == 20 and friction.solve(problem, tol=1e-6).converged
+    for file in files:
+        problem = friction.read(str(file))
+        assert problem.n == 20
+        solution = friction.solve(problem, tol=1e-8)
+        assert solution.converged and friction.certify(problem, solution.r).residual <= 1e-8
+    assert not run.already_finished
+    assert scene.run(out=tmp_path / "run", resume=True, progress=False, pictures=False).already_finished
+
+
+def test_every_step_of_a_turning_drum_meets_its_certificate_and_no_discs_overlap() -> None:
+    model = scenes.load("drum").model()
+    state, radius = model.initial(), 0.008 * 0.85
+    for _ in range(120):
+        state, record = model.advance(state, 0.004)
+        assert record.converged and record.deepest < 0.01 * radius
+
+
+@pytest.mark.slow
+def test_a_poured_pile_comes_to_rest() -> None:
+    model = scenes.load("pile").model()
+    state = model.initial()
+    while not model.ended(state):
+        state, record = model.advance(state, 0.002)
+        assert record.converged and record.deepest < 1e-4 and state.time < 1.5
 
 
 def test_soft_spheres_run_the_same_scene_with_the_same_output(tmp_path: Path) -> None:

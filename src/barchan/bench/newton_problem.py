@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from barchan import friction
 from barchan.cones import Coulomb, chi_inverse
 from barchan.errors import InputError
+from barchan.linalg.frames import contact_frames
 
 SIZE = 6  # of a block
 _ROOT_THIRD = float(np.sqrt(1.0 / 3.0))
@@ -142,7 +143,8 @@ class _Contacts:
         owner = np.repeat(np.arange(len(numbers)), lengths)
         matter = np.bincount(owner, values * masses[columns], minlength=len(numbers)) / scale.density
         areas = 2.0 * scale.dt / scale.voxel * matter
-        frames = _frames(_floats(kept["wall_normals"])[numbers])
+        normals = _floats(kept["wall_normals"])[numbers]
+        frames = contact_frames(normals / np.linalg.norm(normals, axis=1, keepdims=True))
         blocks = np.zeros((len(columns), SIZE, 3))
         blocks[:, :3] = (areas[owner] * values)[:, None, None] * frames[owner]
         rows = sp.bsr_array(
@@ -170,15 +172,6 @@ def _wall_rows(kept: Arrays, count: int) -> tuple[NDArray[np.int64], NDArray[np.
     starts = np.asarray(kept["wall_offsets"], dtype=np.int64)[: count + 1]
     columns = np.asarray(kept["wall_columns"], dtype=np.int64)
     return starts, columns, _floats(kept["wall_values"])[:, 0]
-
-
-def _frames(normals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(k, 3, 3) rows: unit normal, two tangents."""
-    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, least)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([normals, first, np.cross(normals, first)], axis=1)
 
 
 def _turned(frames: NDArray[np.float64], vectors: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -98,10 +98,8 @@ def _solve(
 
     def ask(powers: tuple[int, ...], times: int) -> str:
         words = (source, target, *driver, time_limit, times, *powers)
-        return _run(
-            [*ISOLATED, CHILD.read_text(encoding="utf-8"), *map(str, words)],
-            START_SECONDS + SLACK * time_limit * times,
-        )
+        command = [*ISOLATED, CHILD.read_text(encoding="utf-8"), *map(str, words)]
+        return run_child(command, START_SECONDS + SLACK * time_limit * times)[1]
 
     last = math.ceil(-math.log10(tolerance)) + MORE_POWERS
     note = ask(tuple(range(FIRST_POWER, max(last, FIRST_POWER) + 1)), 1)
@@ -123,16 +121,17 @@ def _solve(
     return Measurement(name, solver, certificate, iterations, seconds, bool(good), curve, note)
 
 
-def _run(command: list[str], timeout: float) -> str:
-    """Run the child; what went wrong, or nothing."""
+def run_child(command: list[str], timeout: float) -> tuple[str, str]:
+    """Run a process of the system's Python; what it printed, and what went wrong, or nothing."""
     try:
         ended = subprocess.run(command, capture_output=True, timeout=timeout, text=True, errors="replace")
     except subprocess.TimeoutExpired:
-        return f"killed after {timeout:.3g} s"
+        return "", f"killed after {timeout:.3g} s"
     if ended.returncode < 0:
-        return f"crashed ({signal.Signals(-ended.returncode).name})"
-    reason = ended.stderr.strip().splitlines()[-1:]
-    return f"failed with exit code {ended.returncode}: {' '.join(reason)}" if ended.returncode else ""
+        return ended.stdout, f"crashed ({signal.Signals(-ended.returncode).name})"
+    reason = " ".join(ended.stderr.strip().splitlines()[-1:])
+    wrong = f"failed with exit code {ended.returncode}: {reason}" if ended.returncode else ""
+    return ended.stdout, wrong
 
 
 def _answers(problem: friction.Problem, target: Path) -> list[tuple[int, float, float, int]]:

@@ -128,6 +128,17 @@ def bench_solvers(
     raise typer.Exit(command(folder, family, methods, plan, out, convexified))
 
 
+@bench.command("siconos")
+def bench_siconos(
+    files: Annotated[list[Path], typer.Argument(help="FCLIB files (.hdf5), as scenes of bodies write them.")],
+    tol: Annotated[float, typer.Option(help="Tolerance of Siconos, in its own measure.")] = 1e-8,
+) -> None:
+    """Siconos reads FCLIB files, solves them and writes its answers; our certificate judges them."""
+    from barchan.cli.bench import bench_siconos as command
+
+    raise typer.Exit(command(files, tol))
+
+
 @bench.command("mpm")
 def bench_mpm(
     newton: Annotated[

@@ -1,6 +1,7 @@
 """`barchan bench`: tables and pictures of a comparison.
 
-`solvers`: chosen methods, and the solvers of Siconos, over a folder of problems. `mpm`: a column of sand beside NVIDIA Newton.
+`solvers`: chosen methods, and the solvers of Siconos, over a folder of problems. `siconos`: Siconos on single FCLIB files.
+`mpm`: a column of sand beside NVIDIA Newton.
 """
 
 from __future__ import annotations
@@ -13,7 +14,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from barchan import friction
 from barchan.bench import Measurement, Plan, problems_of_folder, run_campaign
+from barchan.bench.fclib_exchange import siconos_answer
 from barchan.bench.mpm import ColumnPlan, compare
 from barchan.bench.mpm_report import FILES, HEADS, verdict, write_report
 from barchan.bench.mpm_report import standing as standing_of_programs
@@ -45,6 +48,22 @@ def bench_solvers(
     Console().print(table)
     sys.stdout.write(f"results.csv, results.md, profile.png, residuals.png: {out}\n")
     return 0
+
+
+def bench_siconos(files: list[Path], tolerance: float) -> int:
+    """Let Siconos solve FCLIB files and certify its answers; the exit code. Raises InputError for bad input."""
+    table = Table("file", "contacts", "iterations", "law", "balance", title="Siconos, our certificate")
+    missed = False
+    for path in files:
+        answer = siconos_answer(path, tolerance)
+        found = answer.certificate
+        missed |= not answer.content
+        contacts = len(answer.solution.r) // friction.read(path).s
+        table.add_row(
+            path.name, str(contacts), str(answer.iterations), f"{found.law:.1e}", f"{found.balance:.1e}"
+        )
+    Console().print(table)
+    return 3 if missed else 0
 
 
 def bench_mpm(plan: ColumnPlan, newton: Path | None, alone: bool, out: Path | None) -> int:

@@ -217,8 +217,9 @@ def _draw_columns(workshop: Workshop, grains: Finished, continuum: Finished, col
     """The discs at the end with the free surfaces of both, and the column they began as."""
     from matplotlib.collections import EllipseCollection
 
-    figure = new_figure(10.0, 3.4)
+    figure = new_figure(10.0, 3.6)
     axis = figure.subplots()
+    right = column.length
     x, volumes = discs_of(grains, -1)
     size = 2.0 * np.sqrt(volumes / math.pi)
     axis.add_collection(
@@ -237,8 +238,9 @@ def _draw_columns(workshop: Workshop, grains: Finished, continuum: Finished, col
     ):
         abscissae, height = surface_of(run, -1, column)
         axis.plot(abscissae, height, color=colour, label=words)
+        right = max(right, float(abscissae[np.flatnonzero(height)[-1]]))
     axis.set(
-        xlim=(0.0, 5.0 * column.length), ylim=(0.0, 1.15 * column.height), aspect="equal", xlabel="x (m)",
+        xlim=(0.0, 1.08 * right), ylim=(0.0, 1.15 * column.height), aspect="equal", xlabel="x (m)",
         ylabel="height (m)",
     )  # fmt: skip
     axis.legend(fontsize=8)

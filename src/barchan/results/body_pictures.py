@@ -18,7 +18,7 @@ from PIL import Image
 from barchan.bodies.rigid import Box, Capsule, HalfSpace, Moved, Polygon, Shape, Sphere, Union
 from barchan.bodies.rigid.rotations import matrix
 from barchan.results.animation import LARGEST_SIZE, encode
-from barchan.results.body_scenes import BodyScene
+from barchan.results.body_scenes import BodyScene, Window
 from barchan.results.figures import new_figure, save_figure
 from barchan.results.pictures import COLOUR_MAP
 from barchan.results.view import spread_frames
@@ -43,11 +43,12 @@ def draw_strip(path: Path, scene: BodyScene, title: str) -> None:
     columns = 2 if aspect <= 1.0 else 3
     rows = -(-len(frames) // columns)
     panel = 4.75 if aspect <= 1.0 else max(4.75 / aspect, 2.2)
-    figure = new_figure(columns * panel + 1.9, rows * (panel * aspect + 0.45) + 0.8)
+    figure = new_figure(columns * panel + 1.9, rows * ((panel - 0.5) * aspect + 0.75) + 0.5)
+    figure.set_layout_engine("compressed")
     axes = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)).ravel()
     shown: Any = None
     for axis, frame in zip(axes, frames, strict=False):
-        shown = draw_bodies(axis, scene, frame)
+        shown = draw_bodies(axis, scene, frame, scene.window)
         axis.set_title(f"t = {scene.times[frame]:.3g} s", fontsize=9, loc="left")
     for axis in axes[len(frames) :]:
         axis.set_visible(False)
@@ -58,13 +59,15 @@ def draw_strip(path: Path, scene: BodyScene, title: str) -> None:
 
 def draw_forces(path: Path, scene: BodyScene, title: str) -> None:
     """Force chains of the last frame: lines through contacts between centres, as wide and as dark as the force is large."""
-    lower, upper = scene.window
+    frame = scene.results.frames - 1
+    window = scene.window_of([frame])
+    lower, upper = window
     aspect = float((upper - lower)[1] / (upper - lower)[0])
     width = min(9.0, 8.0 / aspect)
-    figure = new_figure(width + 1.6, width * aspect + 1.0)
+    figure = new_figure(width + 1.8, width * aspect + 1.0)
+    figure.set_layout_engine("compressed")
     axis: Axes = figure.subplots()
-    frame = scene.results.frames - 1
-    draw_bodies(axis, scene, frame, plain=True)
+    draw_bodies(axis, scene, frame, window, plain=True)
     lines = chain_lines(axis, scene, frame)
     figure.colorbar(lines, ax=axis, label="contact force (N/m)", shrink=0.9)
     axis.set_title(f"{title}\nforces, t = {scene.times[frame]:.3g} s", fontsize=10, loc="left")
@@ -82,9 +85,9 @@ def draw_animation(path: Path, scene: BodyScene, title: str) -> None:
     write_bytes(path, content)
 
 
-def draw_bodies(axis: Axes, scene: BodyScene, frame: int, plain: bool = False) -> Any:
-    """Draw a frame; `plain` without colours. The coloured artist, for a colour bar, is returned."""
-    lower, upper = scene.window
+def draw_bodies(axis: Axes, scene: BodyScene, frame: int, window: Window, plain: bool = False) -> Any:
+    """Draw what a window shows of a frame; `plain` without colours. The coloured artist, for a colour bar, is returned."""
+    lower, upper = window
     axis.set(
         xlim=(lower[0], upper[0]), ylim=(lower[1], upper[1]), aspect="equal", xlabel="x (m)", ylabel="z (m)"
     )
@@ -101,7 +104,7 @@ def draw_bodies(axis: Axes, scene: BodyScene, frame: int, plain: bool = False) -
     for number, body in enumerate(scene.bodies):
         if isinstance(body.shape, Sphere):
             continue
-        for corners in outlines(body.shape, places[number], turns[number], scene.window):
+        for corners in outlines(body.shape, places[number], turns[number], window):
             if not scene.free[number]:
                 fixed.append(corners)
                 continue
@@ -151,7 +154,7 @@ def _discs(
     return shown
 
 
-def outlines(shape: Shape, place: Vector, turn: Vector, window: tuple[Vector, Vector]) -> list[Vector]:
+def outlines(shape: Shape, place: Vector, turn: Vector, window: Window) -> list[Vector]:
     """Filled polygons (n, 2) in the world that show a shape; of a half space what the window shows."""
     if isinstance(shape, Union):
         return [corners for part in shape.parts for corners in outlines(part, place, turn, window)]
@@ -187,7 +190,7 @@ def _arc(radius: float, start: float, end: float) -> Vector:
     return radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _half_plane(shape: HalfSpace, place: Vector, turn: Vector, window: tuple[Vector, Vector]) -> list[Vector]:
+def _half_plane(shape: HalfSpace, place: Vector, turn: Vector, window: Window) -> list[Vector]:
     """The window cut by a half plane."""
     normal = turn @ shape.normal
     offset = shape.offset + float(normal @ place)
@@ -227,7 +230,7 @@ def _images(scene: BodyScene, frames: Sequence[int], width: float, title: str) -
         figure = Figure(figsize=(width, 0.8 * width * aspect + 1.1), dpi=100)
         canvas = FigureCanvasAgg(figure)
         axis = figure.add_axes((0.12, 0.1, 0.74, 0.8))
-        shown = draw_bodies(axis, scene, frame)
+        shown = draw_bodies(axis, scene, frame, scene.window)
         bar = figure.colorbar(
             shown, cax=figure.add_axes((0.88, 0.2, 0.02, 0.6)), label=scene.label, extend="max"
         )

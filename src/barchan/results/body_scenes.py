@@ -9,11 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from barchan.bodies.rigid import Body, Sphere
+from barchan.bodies.rigid import Body, Moved, Shape, Sphere, Union
 from barchan.bodies.rigid.rotations import matrix
 from barchan.results.reader import Results
 
 Vector = NDArray[np.float64]
+Window = tuple[Vector, Vector]  # lower and upper corner (d,) [m] of what a picture shows
 
 _MARGIN = 0.04  # of the window, round what moves
 _FAR_SHARE = 0.995  # of the free bodies that the window is sure to hold
@@ -123,20 +124,25 @@ class BodyScene:
         return sorted({round(k) for k in np.linspace(0, self.results.frames - 1, count)})
 
     @cached_property
-    def window(self) -> tuple[Vector, Vector]:
-        """Lower and upper corner (d,) [m] of what pictures show: nearly all free bodies, and the bounded driven ones near."""
+    def window(self) -> Window:
+        """What pictures of the whole run show."""
+        return self.window_of(self.looked_at)
+
+    def window_of(self, frames: Sequence[int]) -> Window:
+        """Corners that hold nearly all free bodies of these frames, and the bounded driven ones near."""
         bounded = self.free & np.isfinite(self.radii)
         low, high = [], []
-        for frame in self.looked_at:
+        for frame in frames:
             places, radii = self.places(frame)[bounded], self.radii[bounded, None]
             low.append(np.quantile(places - radii, 1.0 - _FAR_SHARE, axis=0))
             high.append(np.quantile(places + radii, _FAR_SHARE, axis=0))
         lower, upper = np.min(low, axis=0), np.max(high, axis=0)
-        for number in np.flatnonzero(~self.free & (self.radii > 0.0)):
-            place, radius = self.places(0)[number], self.radii[number]
-            near = np.all((place - radius < upper) & (place + radius > lower))
-            if near and radius < 2.0 * float(np.max(upper - lower)):
-                lower, upper = np.minimum(lower, place - radius), np.maximum(upper, place + radius)
+        places, turns = self.places(frames[-1]), self.turns(frames[-1])
+        for number in np.flatnonzero(~self.free & (self.radii > 0.0)).tolist():
+            least, most = _box(self.bodies[number].shape, places[number], turns[number])
+            near = np.all((least < upper) & (most > lower))
+            if near and self.radii[number] < 2.0 * float(np.max(upper - lower)):
+                lower, upper = np.minimum(lower, least), np.maximum(upper, most)
         margin = _MARGIN * float(np.max(upper - lower))
         lower, upper = lower - margin, upper + margin
         size = upper - lower
@@ -152,3 +158,15 @@ def _radius(body: Body) -> float:
     lower, upper = body.shape.bounds()
     extent = float(np.max(np.maximum(np.abs(lower), np.abs(upper))))
     return extent if np.isfinite(extent) else 0.0
+
+
+def _box(shape: Shape, place: Vector, turn: Vector) -> Window:
+    """Corners of a box round a bounded shape, along the axes of the world."""
+    if isinstance(shape, Union):
+        lower, upper = zip(*(_box(part, place, turn) for part in shape.parts), strict=True)
+        return np.min(lower, axis=0), np.max(upper, axis=0)
+    if isinstance(shape, Moved):
+        return _box(shape.shape, place + turn @ shape.offset, turn @ matrix(shape.rotation))
+    least, most = shape.bounds()
+    middle, half = turn @ (0.5 * (least + most)), np.abs(turn) @ (0.5 * (most - least))
+    return place + middle - half, place + middle + half

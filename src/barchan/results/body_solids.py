@@ -18,7 +18,7 @@ from PIL import Image, ImageDraw
 from barchan.bodies.rigid import HalfSpace, Sphere
 from barchan.results.animation import LARGEST_SIZE, encode
 from barchan.results.body_pictures import FORCE_MAP
-from barchan.results.body_scenes import BodyScene
+from barchan.results.body_scenes import BodyScene, Window
 from barchan.results.figures import new_figure, save_figure
 from barchan.results.pictures import COLOUR_MAP
 from barchan.results.view import spread_frames
@@ -28,7 +28,8 @@ Vector = NDArray[np.float64]
 
 _PIXELS = (900, 720)
 _ANIMATIONS = (((520, 420), 50), ((420, 340), 35), ((320, 260), 20))  # pixels, number of frames
-_VIEW = np.array([0.9, -1.6, 0.75])  # from the middle of the window to the eye, in its diagonals
+_VIEW = np.array([0.9, -1.6, 0.75])  # from what is looked at to the eye
+_ROOM, _AIMS = 1.05, 3  # of the least distance of the eye; turns in which the window is brought to the middle
 _FACETS = 30  # across a body that is not a sphere
 _DRIVEN = "lightgrey"
 _THINNEST, _WIDEST = 0.05, 0.45  # radii of force lines, in the mean radius of bodies
@@ -47,7 +48,7 @@ def draw_strip(path: Path, scene: BodyScene, title: str) -> None:
     for axis in axes:
         axis.set_axis_off()
     for axis, frame in zip(axes, frames, strict=False):
-        axis.imshow(picture(scene, frame, _PIXELS))
+        axis.imshow(picture(scene, frame, _PIXELS, scene.window))
         axis.set_title(f"t = {scene.times[frame]:.3g} s", fontsize=9, loc="left")
     shown = ScalarMappable(Normalize(*scene.scale), COLOUR_MAP)
     figure.colorbar(shown, ax=list(axes), label=scene.label, extend="max", shrink=0.8, pad=0.01)
@@ -63,7 +64,7 @@ def draw_forces(path: Path, scene: BodyScene, title: str) -> None:
     figure = new_figure(7.6, 5.6)
     axis: Any = figure.subplots()
     axis.set_axis_off()
-    axis.imshow(picture(scene, frame, _PIXELS, with_forces=True))
+    axis.imshow(picture(scene, frame, _PIXELS, scene.window_of([frame]), with_forces=True))
     largest = max(float(np.max(scene.forces(frame).sizes, initial=0.0)), 1e-300)
     figure.colorbar(
         ScalarMappable(Normalize(0.0, largest), FORCE_MAP), ax=axis, label="contact force (N)", shrink=0.8
@@ -81,7 +82,7 @@ def draw_animation(path: Path, scene: BodyScene, title: str) -> None:
         frames = spread_frames(scene.results, count, float(scene.times[-1]))
         images = []
         for frame in frames:
-            image = Image.fromarray(picture(scene, frame, pixels))
+            image = Image.fromarray(picture(scene, frame, pixels, scene.window))
             words = f"{title}   t = {scene.times[frame]:.2f} s"
             ImageDraw.Draw(image).text((6, 4), words, fill=(0, 0, 0))
             images.append(image)
@@ -92,24 +93,49 @@ def draw_animation(path: Path, scene: BodyScene, title: str) -> None:
 
 
 def picture(
-    scene: BodyScene, frame: int, pixels: tuple[int, int], with_forces: bool = False
+    scene: BodyScene, frame: int, pixels: tuple[int, int], window: Window, with_forces: bool = False
 ) -> NDArray[np.uint8]:
-    """RGB image of a frame; `with_forces` the bodies are glass and the forces are tubes."""
+    """RGB image of what a window shows of a frame; `with_forces` the bodies are glass and the forces are tubes."""
     import pyvista
 
     plotter: Any = pyvista.Plotter(off_screen=True, window_size=list(pixels), lighting="three lights")
     plotter.set_background("white")
     for free in (True, False):
         _add_spheres(plotter, scene, frame, free, with_forces)
-    _add_solids(plotter, scene, frame, with_forces)
+    _add_solids(plotter, scene, frame, window, with_forces)
     if with_forces:
         _add_forces(plotter, scene, frame)
-    lower, upper = scene.window
-    middle, size = 0.5 * (lower + upper), float(np.linalg.norm(upper - lower))
-    plotter.camera_position = [middle + size * _VIEW * 0.72, middle, (0.0, 0.0, 1.0)]
+    eye, middle = camera(window, pixels, float(plotter.camera.view_angle))
+    plotter.camera_position = [eye, middle, (0.0, 0.0, 1.0)]
     image = np.asarray(plotter.screenshot(None, return_img=True))[:, :, :3]
     plotter.close()
     return image.copy()
+
+
+def camera(
+    window: Window, pixels: tuple[int, int], angle: float, view: Vector = _VIEW
+) -> tuple[Vector, Vector]:
+    """Eye and the point it looks at [m], near: all corners of the window are just seen in a view `angle` degrees high.
+
+    view : (3,) from what is looked at to the eye.
+    """
+    lower, upper = window
+    corners = np.array(
+        [[(lower, upper)[k][axis] for axis, k in enumerate(ends)] for ends in np.ndindex(2, 2, 2)]
+    )
+    back = view / np.linalg.norm(view)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    middle = 0.5 * (lower + upper)
+    slopes = np.tan(np.radians(0.5 * angle)) * np.array([pixels[0] / pixels[1], 1.0])
+    axes = np.stack([right, np.cross(back, right)], axis=1)
+    distance = 0.0
+    for _ in range(_AIMS):
+        across, depth = (corners - middle) @ axes, (corners - middle) @ back
+        distance = float(np.max(np.abs(across) / slopes + depth[:, None]))
+        seen = across / (distance - depth)[:, None]
+        middle = middle + axes @ (0.5 * distance * (np.min(seen, axis=0) + np.max(seen, axis=0)))
+    return middle + _ROOM * distance * back, middle
 
 
 def _has_pyvista() -> bool:
@@ -150,12 +176,12 @@ def _add_spheres(plotter: Any, scene: BodyScene, frame: int, free: bool, glass: 
     plotter.add_mesh(points.glyph(geom=ball, scale="radius", orient=False, factor=1.0), **style)
 
 
-def _add_solids(plotter: Any, scene: BodyScene, frame: int, glass: bool) -> None:
+def _add_solids(plotter: Any, scene: BodyScene, frame: int, window: Window, glass: bool) -> None:
     """Bodies that are not spheres by their facets; level planes as ground, other planes and drums as glass."""
     import pyvista
 
     places, turns, values = scene.places(frame), scene.turns(frame), scene.values(frame)
-    lower, upper = scene.window
+    lower, upper = window
     for number, body in enumerate(scene.bodies):
         if isinstance(body.shape, Sphere):
             continue

@@ -15,7 +15,7 @@ import numpy as np
 
 from barchan.results.sealed import Tree
 
-VECTORS = ("positions", "velocities")
+VECTORS = ("positions", "velocities", "normals", "forces")
 MESH = "mesh"
 _IN_DOUBLE = (MESH, "lines")
 
@@ -49,9 +49,13 @@ def frame_tree(
 
 
 def step_table(records: Iterable[Any]) -> dict[str, np.ndarray]:
-    """Frozen dataclass records -> one array of shape (steps,) per field; empty dict without records."""
+    """Frozen dataclass records -> one array of shape (steps,) per field; empty dict without records.
+
+    Wall-clock times, fields named `..._seconds`, are left out: the same run gives the same bytes.
+    """
     rows = [vars(record) for record in records]
-    return {name: np.array([row[name] for row in rows]) for name in (rows[0] if rows else {})}
+    names = [name for name in (rows[0] if rows else {}) if not name.endswith("_seconds")]
+    return {name: np.array([row[name] for row in rows]) for name in names}
 
 
 def with_true_dimension(group: Tree, dimension: int) -> Tree:

@@ -2,7 +2,8 @@
 
 A material point run has two blocks per time: the particles (a Polyvertex cloud with velocity and volume) and
 the active grid cells with their nodal fields. A finite-element run has one: its mesh, the same at all times,
-with the fields at the vertices. Nothing is copied: every DataItem points into results.h5.
+with the fields at the vertices. A run of bodies has two clouds: the bodies, with their shapes and spins as well, and the
+contacts with their forces. Nothing is copied: every DataItem points into results.h5.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from barchan.storage import write_bytes
 _CELLS = {  # (dimension, corners) -> topology
     (2, 3): "Triangle",
     (2, 4): "Quadrilateral",
+    (3, 3): "Triangle",
     (3, 4): "Tetrahedron",
     (3, 8): "Hexahedron",
 }
@@ -29,6 +31,14 @@ _SCALAR_FIELDS = {
     "plug": "plug",
     "volume fraction": "volume_fractions",
 }
+_CLOUDS = {  # of points: attribute -> dataset, where there is one
+    "particles": {
+        "velocity": "velocities", "volume": "volumes", "rotation": "rotations", "spin": "spins", "shape": "shape_kinds",
+        "size": "shape_sizes",
+    },
+    "contacts": {"force": "forces", "normal": "normals"},
+}  # fmt: skip
+_KINDS = {1: "Scalar", 3: "Vector"}
 _NUMBER_TYPES = {"f": "Float", "i": "Int"}
 
 
@@ -47,8 +57,9 @@ def write_xdmf(results_path: Path, path: Path) -> None:
             )
             SubElement(instant, "Time", Value=repr(float(time)))
             groups = file[f"frames/{name}"]
-            if "particles" in groups:
-                _add_particles(instant, groups["particles"], results_path.name)
+            for cloud, attributes in _CLOUDS.items():
+                if cloud in groups:
+                    _add_cloud(instant, cloud, groups[cloud], attributes, results_path.name)
             for place, fields in ((file.get("mesh"), groups.get("fields")), (groups.get("grid"),) * 2):
                 if place is not None and fields is not None and place["cells"].shape[0] > 0:
                     _add_cells(instant, place, fields, int(file.attrs["dimension"]), results_path.name)
@@ -56,14 +67,23 @@ def write_xdmf(results_path: Path, path: Path) -> None:
     write_bytes(path, ElementTree.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-def _add_particles(parent: Element, group: h5py.Group, file_name: str) -> None:
-    """A Polyvertex cloud."""
-    grid = SubElement(parent, "Grid", Name="particles", GridType="Uniform")
+def _add_cloud(
+    parent: Element, name: str, group: h5py.Group, attributes: dict[str, str], file_name: str
+) -> None:
+    """A Polyvertex cloud of the points of a group."""
     count = group["positions"].shape[0]
+    if count == 0 and name == "contacts":
+        return  # bodies may touch later
+    grid = SubElement(parent, "Grid", Name=name, GridType="Uniform")
     SubElement(grid, "Topology", TopologyType="Polyvertex", NumberOfElements=str(count), NodesPerElement="1")
     _add_data(SubElement(grid, "Geometry", GeometryType="XYZ"), group["positions"], file_name)
-    _add_attribute(grid, "velocity", "Vector", group["velocities"], file_name)
-    _add_attribute(grid, "volume", "Scalar", group["volumes"], file_name)
+    for attribute, dataset in attributes.items():
+        if dataset not in group:
+            continue
+        values = group[dataset]
+        kind = _KINDS.get(values.shape[1] if values.ndim == 2 else 1)
+        if kind is not None:  # readers take no quaternions
+            _add_attribute(grid, attribute, kind, values, file_name)
 
 
 def _add_cells(

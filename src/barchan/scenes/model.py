@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol, TypeVar
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from numpy.typing import NDArray
 
@@ -63,3 +64,10 @@ class Model(Protocol[State]):
 
     def observables(self, state: State, record: Any) -> dict[str, float]:
         """Scalars of a frame; `record` is that of the last step, None at the start."""
+
+
+@runtime_checkable
+class WritesFiles(Protocol):
+    """A model that writes files of its own while it runs. folder : the run folder, None while nothing is stored."""
+
+    folder: Path | None

@@ -13,7 +13,7 @@ from barchan.results import open as open_results
 from barchan.scenes.finish import finish_folder, full_summary, is_finished
 from barchan.scenes.kinds import find_kind
 from barchan.scenes.loading import load_parameters
-from barchan.scenes.model import Model
+from barchan.scenes.model import Model, WritesFiles
 from barchan.scenes.parameters import SceneParameters
 from barchan.scenes.progress import Progress, make_progress
 from barchan.scenes.runner import Clock, clock_of, run_frames
@@ -104,6 +104,8 @@ class Scene:
             if store.results_path.exists():  # killed after results.h5 was written: only the rest is missing
                 clock, last = clock_of(store.checkpoint()), None
             else:
+                if isinstance(model, WritesFiles):
+                    model.folder = store.folder
                 clock, last = self._run_frames(model, store, display)
             results = finish_folder(self.parameters, self.toml(), store, clock, last, display, pictures)
         return Run(observables_of(results), results.summary, store.folder, results)

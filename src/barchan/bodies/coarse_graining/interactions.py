@@ -93,7 +93,8 @@ class Interactions:
         """From contacts of bodies: forces (k, d) [N] act on the bodies `first` at `points`, normals point to the first.
 
         centres (b, d) : centres of mass of all bodies. driven (b,) : those that are walls; a contact of two of them is left
-        out. Contact impulses of a step become forces when divided by it. Not for periodic images.
+        out. `first` and `second` of the result number the others alone, in their order: rows of the `Grains` made of them.
+        Contact impulses of a step become forces when divided by it. Not for periodic images.
         """
         x, at, f = (np.asarray(a, dtype=np.float64) for a in (centres, points, forces))
         n = np.asarray(normals, dtype=np.float64)
@@ -104,7 +105,7 @@ class Interactions:
         sign = np.where(swap, -1.0, 1.0)[:, None]
         wall = walls[j]
         branches = x[i] - np.where(wall[:, None], at, x[j])
-        kept = ~walls[i]
-        others = np.where(wall, WALL, j)
+        kept, rows = ~walls[i], np.cumsum(~walls) - 1
+        others = np.where(wall, WALL, rows[j])
         vectors = (sign * f, branches, sign * n, at)
-        return cls(i[kept], others[kept], *(vector[kept] for vector in vectors))
+        return cls(rows[i[kept]], others[kept], *(vector[kept] for vector in vectors))

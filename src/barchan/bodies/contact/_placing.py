@@ -56,16 +56,16 @@ def place_cores(here: Cores, there: Cores, body: NDArray[np.int64], turns: Array
 @njit(cache=True, parallel=True)
 def boxes(
     cores: Cores, kind: NDArray[np.int64], body: NDArray[np.int64], turns: Array, places: Array, lower: Array, upper: Array,
-    margin: float, drift: Array, swing: Array, middle: Array, half: Array, radius: Array,
+    margins: Array, drift: Array, swing: Array, middle: Array, half: Array, radius: Array,
 ) -> None:  # fmt: skip
     """Middle and half sides (g, 3) of the box about each piece in the world, and the radius of a ball about that middle.
 
-    All are wider by `margin`. `drift` (b, 3) [m] is the way a body goes, `swing` (b,) [rad] the angle it turns meanwhile:
-    box and ball hold the piece all along. `lower`, `upper` (g, 3) are boxes in the frames of the bodies. The radius of a plane
-    is what its boundary moves by.
+    All are wider by the `margins` (b,) of the bodies. `drift` (b, 3) [m] is the way a body goes, `swing` (b,) [rad] the angle
+    it turns meanwhile: box and ball hold the piece all along. `lower`, `upper` (g, 3) are boxes in the frames of the bodies.
+    The radius of a plane is what its boundary moves by.
     """
     for g in prange(body.shape[0]):
-        b = body[g]
+        b, margin = body[g], margins[body[g]]
         first, last = cores.vertex_start[g], cores.vertex_start[g + 1]
         if last > first:
             for k in range(3):

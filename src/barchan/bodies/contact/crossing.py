@@ -54,7 +54,7 @@ def crossing(
     placed = geometry.placed(states)
     drift = np.zeros((len(states), 3))
     drift[:, : geometry.dimension] = dt * speeds
-    extents = geometry.extents(placed, 0.0, drift, np.zeros(len(states)))
+    extents = geometry.extents(placed, np.zeros(len(states)), drift, np.zeros(len(states)))
     pairs = geometry.without_ignored(close_pairs(extents))
     thickness = placed.cores.radius + placed.cores.inner
     allowed = thickness[pairs[:, 0]] + thickness[pairs[:, 1]]

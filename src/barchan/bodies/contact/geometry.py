@@ -80,31 +80,34 @@ class ContactGeometry:
             centres, np.unique(np.array(codes, dtype=np.int64)),
         )  # fmt: skip
 
-    def detect(self, states: BodyStates, reach: float, velocities_dt: float | None = None) -> ContactSet:
+    def detect(
+        self, states: BodyStates, reach: float | Vector, velocities_dt: float | None = None
+    ) -> ContactSet:
         """All contacts with gaps up to `reach` [m]; bodies that cannot move never touch one another.
 
-        With `velocities_dt` [s] also those whose gap would fall below `reach` within that time at the present velocities.
-        InputError: reach negative, velocities_dt not positive, states of other bodies.
+        reach : of all pairs, or a share for each body (b,), those of the two bodies of a pair adding up.
+        velocities_dt : [s], also those whose gap would fall below the reach within that time at the present velocities.
+        InputError: reach negative or of another shape, velocities_dt not positive, states of other bodies.
         """
-        inputs.not_negative("reach", reach)
         if velocities_dt is not None:
             inputs.positive("velocities_dt", velocities_dt)
         if len(states) != len(self.bodies) or states.dimension != self.dimension:
             raise InputError("states", states.positions.shape, f"those of the {len(self.bodies)} bodies")
+        shares = _shares(reach, len(self.bodies))
         if not self.pieces:
             return merged([], self.body, self.dimension)
         placed = self.placed(states)
         drift, swing = self.ways(states, placed, velocities_dt)
-        extents = self.extents(placed, 0.5 * reach, drift, swing)
+        extents = self.extents(placed, shares, drift, swing)
         pairs = self.without_ignored(close_pairs(extents))
-        limits = np.full(len(pairs), float(reach))
+        limits = shares[self.body[pairs[:, 0]]] + shares[self.body[pairs[:, 1]]]
         if velocities_dt is not None:
             limits += approach(placed, extents, pairs, drift, swing)
         contacts = merged(contacts_of(self, placed, pairs, limits), self.body, self.dimension)
         if velocities_dt is None:
             return contacts
-        closing = self.closing_speeds(states, placed, contacts)
-        return contacts.take(contacts.gaps - velocities_dt * np.maximum(closing, 0.0) <= reach)
+        ways = velocities_dt * np.maximum(self.closing_speeds(states, placed, contacts), 0.0)
+        return contacts.take(contacts.gaps - ways <= shares[contacts.first] + shares[contacts.second])
 
     def placed(self, states: BodyStates) -> Placed:
         """All pieces in the world."""
@@ -133,13 +136,13 @@ class ContactGeometry:
         arms = np.einsum("bij,bj->bi", placed.turns, self.centres)
         return dt * (velocities - np.cross(spins, arms)), dt * np.linalg.norm(spins, axis=1)
 
-    def extents(self, placed: Placed, margin: float, drift: Vector, swing: Vector) -> Extents:
-        """Boxes and balls that hold each piece on its way, wider by `margin` [m]."""
+    def extents(self, placed: Placed, margins: Vector, drift: Vector, swing: Vector) -> Extents:
+        """Boxes and balls that hold each piece on its way, wider by the `margins` (b,) [m] of the bodies."""
         count = len(self.pieces)
         lower, upper = self.boxes
         middle, half, radius = np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
         boxes(
-            placed.cores, self.kind, self.body, placed.turns, placed.places, lower, upper, margin, drift, swing,
+            placed.cores, self.kind, self.body, placed.turns, placed.places, lower, upper, margins, drift, swing,
             middle, half, radius,
         )  # fmt: skip
         movable = self.movable[self.body]
@@ -206,6 +209,16 @@ def approach(
         arms = np.linalg.norm(extents.middle[small] - placed.places[body], axis=1) + extents.radius[small]
         ways += np.where(swing[body] > 0.0, swing[body] * np.where(np.isfinite(arms), arms, 0.0), 0.0)
     return ways
+
+
+def _shares(reach: float | Vector, bodies: int) -> Vector:
+    """What each body adds to the reach of a pair (b,)."""
+    if np.ndim(reach) == 0:
+        return np.full(bodies, 0.5 * inputs.not_negative("reach", float(reach)))
+    shares = np.asarray(reach, dtype=np.float64)
+    if shares.shape != (bodies,) or not np.all(np.isfinite(shares)) or np.any(shares < 0.0):
+        raise InputError("reach", reach, f"a number >= 0, or one for each of the {bodies} bodies")
+    return shares
 
 
 def _pair_code(pair: tuple[int, int], bodies: int) -> int:

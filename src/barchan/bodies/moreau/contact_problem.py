@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from barchan.bodies.contact import ContactSet
+from barchan.bodies.moreau._rows import write_rows
 from barchan.bodies.moreau.options import Options
 from barchan.bodies.moreau.table import BodyTable
 from barchan.bodies.rigid import BodyStates
@@ -36,12 +37,15 @@ class ContactRows:
 
     operator : in blocks (d, d): normal and tangents of the velocity of `first` relative to `second`.
     offsets : (k, d) w [m/s].  friction : (k,).  relative : (k, d) u at the start of the step.
+    driven : (k, d) what given motions add to u.  rebound : (k, d) the part of w that is restitution.
     """
 
     operator: sp.bsr_array
     offsets: Vector
     friction: Vector
     relative: Vector
+    driven: Vector
+    rebound: Vector
 
 
 def contact_rows(
@@ -52,53 +56,40 @@ def contact_rows(
     before, predicted : (k_b, 2, d) velocities at the start of the step, and at its end without contacts.
     """
     d, k = table.dimension, len(contacts.gaps)
-    turn = contact_frames(contacts.normals)
-    blocks, columns = np.empty((k, 4, d, d)), np.empty((k, 4), np.int64)
-    for side, (number, sign) in enumerate(
-        ((contacts.first.astype(np.int64), 1.0), (contacts.second.astype(np.int64), -1.0))
-    ):
-        own = table.columns(number, contacts.points, states)
-        blocks[:, 2 * side : 2 * side + 2] = sign * np.einsum("kij,kbjl->kbil", turn, own)
-        columns[:, 2 * side] = 2 * number
-        columns[:, 2 * side + 1] = 2 * number + 1
-    full = _operator(blocks, columns, len(table))
-    relative = (full @ before.reshape(-1)).reshape(k, d)
-    # Components that nothing moves have no columns: what they do goes to w.
     movable = table.movable(states)
-    operator = _operator(blocks * movable.reshape(-1, d)[columns][:, :, None, :], columns, len(table))
-    expected = (full @ predicted.reshape(-1)).reshape(k, d)
-    driven = (full @ np.where(movable, 0.0, predicted).reshape(-1)).reshape(k, d)
-    offsets = _offsets(contacts.gaps, relative, expected, dt, options) + driven
-    return ContactRows(
-        operator, offsets, pair_friction(table, contacts.first, contacts.second, options), relative
-    )
+    bodies = np.stack([contacts.first, contacts.second], axis=1)
+    # Bodies that nothing moves have no columns: what they do goes to w, and they join no contacts together.
+    counts = 2 * np.any(movable, axis=(1, 2))[bodies].sum(axis=1)
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+    data, indices = np.empty((int(starts[-1]), d, d)), np.empty(int(starts[-1]), np.int32)
+    given, rates = np.stack([before, predicted, np.where(movable, 0.0, predicted)]), np.empty((3, k, d))
+    write_rows(
+        contact_frames(contacts.normals), contacts.points, bodies, table.centres_of(states),
+        table.spin_axes(states) if d == 3 else np.zeros((0, 3, 3)), movable.astype(np.float64), starts, given,
+        data, indices, rates,
+    )  # fmt: skip
+    relative, expected, driven = rates
+    operator = sp.bsr_array((data, indices, starts), shape=(k * d, 2 * len(table) * d))
+    offsets, rebound = _offsets(contacts.gaps, relative, expected, dt, options)
+    friction = pair_friction(table, contacts.first, contacts.second, options)
+    return ContactRows(operator, offsets + driven, friction, relative, driven, rebound)
 
 
-def _operator(blocks: Vector, columns: NDArray[np.int64], bodies: int) -> sp.bsr_array:
-    k, d = len(blocks), blocks.shape[2]
-    order = np.argsort(columns, axis=1, kind="stable")
-    rows = np.arange(k)[:, None]
-    return sp.bsr_array(
-        (
-            np.ascontiguousarray(blocks[rows, order]).reshape(4 * k, d, d),
-            np.ascontiguousarray(columns[rows, order], dtype=np.int32).reshape(-1),
-            (4 * np.arange(k + 1)).astype(np.int32),
-        ),
-        shape=(k * d, 2 * bodies * d),
-    )
-
-
-def _offsets(gaps: Vector, relative: Vector, expected: Vector, dt: float, options: Options) -> Vector:
+def _offsets(
+    gaps: Vector, relative: Vector, expected: Vector, dt: float, options: Options
+) -> tuple[Vector, Vector]:
+    """w (k, d) without given motions, and the part of it that is restitution."""
     theta = options.theta
-    offsets = np.zeros_like(relative)
+    offsets, rebound = np.zeros_like(relative), np.zeros_like(relative)
     open_share = np.where(gaps > 0.0, 1.0, options.recovery)
     offsets[:, 0] = (open_share * gaps / dt + (1.0 - theta) * relative[:, 0]) / theta
     if options.restitution > 0.0 or options.tangential_restitution > 0.0:
         closing = (relative[:, 0] < -options.rest_speed) & (gaps + dt * relative[:, 0] <= 0.0)
         approach = np.minimum(-relative[:, 0], expected[:, 0] - 2.0 * relative[:, 0])
-        offsets[closing, 0] = -options.restitution * np.maximum(approach, 0.0)[closing]
-        offsets[closing, 1:] = options.tangential_restitution * relative[closing, 1:]
-    return offsets
+        rebound[closing, 0] = -options.restitution * np.maximum(approach, 0.0)[closing]
+        rebound[closing, 1:] = options.tangential_restitution * relative[closing, 1:]
+        offsets[closing] = rebound[closing]
+    return offsets, rebound
 
 
 def pair_friction(

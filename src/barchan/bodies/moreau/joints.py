@@ -170,24 +170,25 @@ class Joints:
             return None
         d, width = self.table.dimension, 2 * len(self.table) * self.table.dimension
         axes = self.table.spin_axes(states) if d == 3 else None
+        placed = [self._placed(number, states) for number in range(len(self.joints))]
+        bodies = np.array([(joint.first, joint.second) for joint in self.joints])
+        anchors = np.array([now.anchors for now in placed]).reshape(-1, d)
+        moving = self.table.columns(bodies.reshape(-1), anchors, states).reshape(-1, 2, 2, d, d)
         parts, errors = [], []
-        for number, joint in enumerate(self.joints):
-            now = self._placed(number, states)
+        for number, (joint, now) in enumerate(zip(self.joints, placed, strict=True)):
             along, around, error = joint.rows(self.start[number], now)
-            row = np.zeros((len(error), width))
+            ends = []
             for side, (body, sign) in enumerate(((joint.first, 1.0), (joint.second, -1.0))):
-                columns = self.table.columns(np.array([body]), now.anchors[side][None], states)[0]
-                own = np.einsum("qi,bij->qbj", along, columns)
+                own = np.einsum("qi,bij->qbj", along, moving[number, side])
                 own[:, 1, : around.shape[1]] += around @ (axes[body] if axes is not None else np.eye(1))
-                row[:, 2 * body * d : 2 * (body + 1) * d] = sign * own.reshape(len(error), -1)
-            parts.append(sp.csr_array(row))
+                ends.append(sign * own.reshape(len(error), -1))
+            parts.append(np.concatenate(ends, axis=1))
             errors.append(error)
         wrong = np.concatenate(errors)
-        return (
-            sp.csr_array(sp.vstack(parts)),
-            -recovery * wrong / dt,
-            float(np.max(np.abs(wrong), initial=0.0)),
+        matrix = _in_columns(
+            np.concatenate(parts), np.repeat(bodies, [len(part) for part in parts], axis=0), width
         )
+        return matrix, -recovery * wrong / dt, float(np.max(np.abs(wrong), initial=0.0))
 
     def _placed(self, number: int, states: BodyStates) -> Placed:
         joint = self.joints[number]
@@ -195,6 +196,17 @@ class Joints:
         turns = frames.matrices(states.rotations[pair])
         anchors = states.positions[pair] + np.einsum("kij,kj->ki", turns, self.local[number])
         return Placed(anchors, turns)
+
+
+def _in_columns(values: Vector, pairs: NDArray[np.int64], width: int) -> sp.csr_array:
+    """C (c, width) of rows (c, 4 d), the first half in the columns of the first body of `pairs` (c, 2)."""
+    own = values.shape[1] // 2
+    columns = (own * pairs[:, :, None] + np.arange(own)).reshape(-1)
+    starts = 2 * own * np.arange(len(pairs) + 1)
+    matrix = sp.csr_array((values.reshape(-1), columns, starts), shape=(len(pairs), width))
+    matrix.eliminate_zeros()
+    matrix.sort_indices()
+    return matrix
 
 
 def _turn_error(start: Placed, now: Placed) -> Vector:

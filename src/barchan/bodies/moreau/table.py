@@ -2,7 +2,8 @@
 
 Generalised velocities are those of `barchan.bodies.rigid.dynamics`: two blocks of d a body, the velocity of the centre of
 mass, and the spin along the principal axes (in the plane: the spin, and a component of unit mass that nothing moves). Bodies
-with held components, loads that are functions, or prescribed motions go through that module one by one; all others at once.
+with held components, loads that are functions, or prescribed motions go through that module one by one; all others at once,
+fixed ones among them.
 """
 
 from __future__ import annotations
@@ -14,8 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from barchan.bodies.moreau import frames
-from barchan.bodies.rigid import Body, BodyStates, Free, generalised_masses, moved, predicted_velocities
-from barchan.bodies.rigid.dynamics import contact_columns
+from barchan.bodies.rigid import (
+    Body,
+    BodyStates,
+    Fixed,
+    Free,
+    generalised_masses,
+    moved,
+    predicted_velocities,
+)
+from barchan.bodies.rigid.dynamics import spin_axes
 from barchan.errors import InputError
 
 Vector = NDArray[np.float64]
@@ -26,13 +35,14 @@ class BodyTable:
     """k bodies of one dimension.
 
     plain : (k,) free bodies without held components and loads in time: all that follows is for them.
-    special : numbers of the other bodies that may move or turn.  driven : (k,) bodies that nothing can move.
+    fixed : (k,) bodies at rest for ever.  special : numbers of all other bodies.  driven : (k,) bodies that nothing can move.
     masses : (k,) [kg].  moments : (k, s) principal [kg m^2].  axes : (k, s, s), in columns, in the frames of the shapes.
     centres : (k, d) centres of mass in the frames of the shapes [m].  forces, torques : (k, d), (k, s), world or body frame.
     """
 
     bodies: tuple[Body, ...]
     plain: NDArray[np.bool_]
+    fixed: NDArray[np.bool_]
     driven: NDArray[np.bool_]
     special: tuple[int, ...]
     masses: Vector
@@ -54,9 +64,10 @@ class BodyTable:
         s = bodies[0].spin_size
         driven = np.array([body.driven for body in bodies])
         plain = np.array([not body.driven and _is_plain(body) for body in bodies])
+        fixed = np.array([isinstance(body.motion, Fixed) for body in bodies])
         one = np.ones(s)
         return cls(
-            tuple(bodies), plain, driven, tuple(np.flatnonzero(~plain)),
+            tuple(bodies), plain, fixed, driven, tuple(np.flatnonzero(~plain & ~fixed).tolist()),
             np.array([1.0 if body.driven else body.mass for body in bodies]),
             np.array([one if body.driven else body.principal_moments for body in bodies]),
             np.array([np.eye(s) if body.driven else body.principal_axes for body in bodies]),
@@ -74,8 +85,11 @@ class BodyTable:
         return int(self.centres.shape[1])
 
     def spin_axes(self, states: BodyStates) -> Vector:
-        """(k, 3, 3) world directions, in columns, along which the spins of plain bodies in space are counted."""
-        return np.asarray(frames.matrices(states.rotations) @ self.axes)
+        """(k, 3, 3) world directions, in columns, along which the spins of bodies in space are counted."""
+        found = np.asarray(frames.matrices(states.rotations) @ self.axes)
+        for number in self.special:
+            found[number] = spin_axes(self.bodies[number], states.row(number))
+        return found
 
     def centres_of(self, states: BodyStates) -> Vector:
         """(k, d) centres of mass in the world."""
@@ -96,6 +110,7 @@ class BodyTable:
     def movable(self, states: BodyStates) -> NDArray[np.bool_]:
         """(k, 2, d) components that forces can change."""
         found = np.ones((len(self), 2, self.dimension), dtype=bool)
+        found[self.fixed] = False
         if self.dimension == 2:
             found[:, 1, 1] = False
         for number in self.special:
@@ -109,6 +124,7 @@ class BodyTable:
         blocks = np.zeros((len(self), 2, self.dimension))
         blocks[:, 0] = states.velocities + dt * (gravity + self.forces / self.masses[:, None])
         blocks[:, 1, : self.moments.shape[1]] = self._spins(states, dt)
+        blocks[self.fixed] = 0.0
         for number in self.special:
             blocks[number] = predicted_velocities(self.bodies[number], states.row(number), gravity, dt, time)
         return blocks
@@ -122,13 +138,8 @@ class BodyTable:
         if d == 2:
             found[:, 1, 0, 0], found[:, 1, 1, 0] = -arms[:, 1], arms[:, 0]
         else:
-            found[:, 1] = np.cross(
-                self.spin_axes(states)[number].transpose(0, 2, 1), arms[:, None, :]
-            ).transpose(0, 2, 1)
-        for one in self.special:
-            here = np.flatnonzero(number == one)
-            if len(here):
-                found[here] = contact_columns(self.bodies[one], states.row(one), points[here])
+            axes = self.spin_axes(states)[number].transpose(0, 2, 1)
+            found[:, 1] = np.cross(axes, arms[:, None, :]).transpose(0, 2, 1)
         return found
 
     def moved(
@@ -149,10 +160,10 @@ class BodyTable:
         else:
             rotations, spins = self._turned(states, blocks[:, 1, :s], dt)
         positions = centres - np.einsum("kij,kj->ki", frames.matrices(rotations), self.centres)
-        new = BodyStates(positions, rotations, blocks[:, 0].copy(), np.array(spins))
-        if not self.special:
-            return new
-        fields = [np.array(array) for array in (new.positions, new.rotations, new.velocities, new.spins)]
+        fields = [np.array(array) for array in (positions, rotations, blocks[:, 0], spins)]
+        before = (states.positions, states.rotations, states.velocities, states.spins)
+        for array, old in zip(fields, before, strict=True):
+            array[self.fixed] = old[self.fixed]
         for number in self.special:
             row = moved(self.bodies[number], states.row(number), blocks[number], dt, time)
             for array, value in zip(

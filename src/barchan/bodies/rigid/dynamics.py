@@ -145,6 +145,11 @@ def _spin_axes(body: Body, state: BodyState) -> tuple[Vector, Vector]:
     return axes, moments
 
 
+def spin_axes(body: Body, state: BodyState) -> Vector:
+    """World directions (3, 3), in columns, along which the spin of a body in space is counted."""
+    return _spin_axes(body, state)[0]
+
+
 def _spin_block(body: Body, state: BodyState, spin: Vector) -> Vector:
     if body.dimension == 2:
         return np.array([spin[0], 0.0])

@@ -96,6 +96,31 @@ def capped(
 
 
 @njit(cache=True)
+def spring_force(
+    memory: Array,
+    first: int,
+    normal: Triple,
+    angle: float,
+    velocity: Triple,
+    k: float,
+    c: float,
+    limit: float,
+    dt: float,
+) -> tuple[Triple, float]:
+    """Force [N] of the spring `memory[first : first + 3]` with its dashpot, and energy lost [J]; carries and stretches it.
+
+    `memory[6]` is still the stiffness of the step before.
+    """
+    before = memory[6]
+    old = (memory[first], memory[first + 1], memory[first + 2])
+    spring = turned_spring(old, normal, angle, before, k)
+    lost = 0.5 * (before * dot(old, old) - k * dot(spring, spring))
+    spring, force, slid = capped(spring, velocity, k, c, limit, dt)
+    memory[first], memory[first + 1], memory[first + 2] = spring
+    return force, lost + slid
+
+
+@njit(cache=True)
 def contact_force(
     law: Array,
     rolling: float,
@@ -135,28 +160,20 @@ def contact_force(
         velocity[1] + approach * normal[1] - t[1],
         velocity[2] + approach * normal[2] - t[2],
     )
-    before, c = memory[6], law[5] * dashpot
-    angle = 0.5 * dt * (dot(a, normal) + dot(b, normal))
-    limit = friction * max(push, 0.0)
-    old = (memory[0], memory[1], memory[2])
-    spring = turned_spring(old, normal, angle, before, k)
-    lost += 0.5 * (before * dot(old, old) - k * dot(spring, spring))
-    spring, f, slid = capped(spring, across, k, c, limit, dt)
+    c, angle = law[5] * dashpot, 0.5 * dt * (dot(a, normal) + dot(b, normal))
+    limit = max(push, 0.0)
+    f, slid = spring_force(memory, 0, normal, angle, across, k, c, friction * limit, dt)
     lost += slid
-    memory[0], memory[1], memory[2], memory[6] = spring[0], spring[1], spring[2], k
     force = (f[0] + push * normal[0], f[1] + push * normal[1], f[2] + push * normal[2])
     torque = (0.0, 0.0, 0.0)
     if rolling > 0.0:
-        old = (memory[3], memory[4], memory[5])
-        spring = turned_spring(old, normal, angle, before, k)
-        lost += 0.5 * (before * dot(old, old) - k * dot(spring, spring))
         # rolling velocity R* (w_i - w_j) x n (Luding 2008), its quasi-force a torque -R* f x n
         t = cross((radius * (a[0] - b[0]), radius * (a[1] - b[1]), radius * (a[2] - b[2])), normal)
-        spring, f, slid = capped(spring, t, k, c, rolling * max(push, 0.0), dt)
+        f, slid = spring_force(memory, 3, normal, angle, t, k, c, rolling * limit, dt)
         lost += slid
-        memory[3], memory[4], memory[5] = spring[0], spring[1], spring[2]
         t = cross(normal, f)
         torque = (radius * t[0], radius * t[1], radius * t[2])
+    memory[6] = k
     return force, torque, push, lost
 
 

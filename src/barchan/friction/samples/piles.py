@@ -16,6 +16,7 @@ from barchan.cones import Coulomb
 from barchan.errors import InputError
 from barchan.friction.problem import Problem
 from barchan.friction.samples.known import block_jacobian
+from barchan.linalg.frames import contact_frames
 
 DENSITY = 2600.0  # kg/m^3; per metre of thickness in 2D
 GRAVITY = 9.81  # m/s^2
@@ -92,7 +93,7 @@ def pile(
     positions = positions + jitter * radius * rng.standard_normal(positions.shape)
     radii = radius * (1.0 - spread * rng.random(n_bodies))
     bodies, normals, gaps = _near_contacts(positions, radii, box, reach * radius)
-    frames = _frames(normals)
+    frames = contact_frames(normals)
     H = _jacobian(bodies, frames, radii)
     masses, M = _mass(rng, radii, dimension, uneven)
     dof = H.shape[1] // n_bodies
@@ -193,17 +194,6 @@ def _near_contacts(
     kept = np.flatnonzero(every[2] <= reach)
     order = kept[np.lexsort((every[0][kept, 1], every[0][kept, 0]))]
     return every[0][order], every[1][order], every[2][order]
-
-
-def _frames(normals: np.ndarray) -> np.ndarray:
-    """(n, d, d) orthonormal frames whose first rows are the normals."""
-    if normals.shape[1] == 2:
-        return np.stack([normals, np.column_stack([-normals[:, 1], normals[:, 0]])], axis=1)
-    # The axis farthest from the normal is a good start for the first tangent.
-    axis = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, axis)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return np.stack([normals, first, np.cross(normals, first)], axis=1)
 
 
 def _jacobian(bodies: np.ndarray, frames: np.ndarray, radii: np.ndarray) -> sp.bsr_array:

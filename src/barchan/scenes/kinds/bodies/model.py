@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -30,35 +30,10 @@ PROBLEMS_FOLDER = "problems"
 
 
 @dataclass(frozen=True)
-class BodiesRecord:
-    """A step: what `AssemblyRecord` says but for wall-clock times, which would change the bytes of results.
+class BodiesRecord(AssemblyRecord):
+    """A step. crossings : pairs of bodies of which one would cross the other in it at the speeds it begins with."""
 
-    crossings : pairs of bodies of which one would cross the other in the step at the speeds it begins with.
-    """
-
-    step: int
-    time: float
-    dt: float
-    candidates: int
-    contacts: int
-    sweeps: int
-    residual: float
-    law_residual: float
-    balance_residual: float
-    bilateral_residual: float
-    converged: bool
-    kinetic_energy: float
-    potential_energy: float
-    max_speed: float
-    deepest: float
-    joint_error: float
     crossings: int
-
-    @classmethod
-    def of(cls, record: AssemblyRecord, crossings: int) -> BodiesRecord:
-        """The record of a step, with the crossings found before it."""
-        own = {entry.name: getattr(record, entry.name) for entry in fields(cls) if entry.name != "crossings"}
-        return cls(**own, crossings=crossings)
 
 
 class MoreauModel:
@@ -111,7 +86,7 @@ class MoreauModel:
             self.assembly.write_problem(place / f"step_{state.step + 1:06d}.hdf5", state, dt)
         crossings = self._crossings(state, dt)
         new, record = self.assembly.advance(state, dt)
-        return new, BodiesRecord.of(record, crossings)
+        return new, BodiesRecord(**vars(record), crossings=crossings)
 
     def ended(self, state: AssemblyState) -> bool:
         """Whether everything rests."""
