@@ -118,7 +118,11 @@ def _build(problem: Problem, kind: str) -> Delassus:
     b = np.asarray(problem.H @ free + problem.w).reshape(shape)
     if is_lumped(problem) and (kind == "matrix-free" or (kind == "auto" and _lumped_is_cheaper(problem))):
         return _lumped(problem, b)
-    if problem.factor.inverse is not None and problem.C is None and kind != "matrix-free":
+    if problem.factor.blocks is not None and problem.C is None:
+        if kind == "matrix-free" or (kind == "auto" and _whitened_is_cheaper(problem)):
+            return LumpedDelassus(problem.whitened.rows(), b, problem.diagonal_blocks)
+        return StoredDelassus(problem.whitened.gram(), b)
+    if problem.factor.has_sparse_inverse and problem.C is None and kind != "matrix-free":
         return StoredDelassus(block_rows(_product(problem), problem.s, problem.s), b)
     if kind == "explicit" or (kind == "auto" and problem.n * problem.s <= LARGEST_DENSE_DELASSUS):
         return _dense(problem, b)
@@ -176,6 +180,12 @@ def _lumped_is_cheaper(problem: Problem) -> bool:
     sharing = np.bincount(rows.indices, minlength=rows.columns).astype(float)
     stored = (sharing**2).sum() * problem.s**2
     return bool(2 * rows.data.size <= stored)
+
+
+def _whitened_is_cheaper(problem: Problem) -> bool:
+    """Compare 2 nnz(G), all that a product without W reads, with nnz(W)."""
+    rows = problem.whitened
+    return bool(2 * rows.data.size <= rows.product_blocks * rows.s**2)
 
 
 def _dense(problem: Problem, b: np.ndarray) -> StoredDelassus:

@@ -28,6 +28,7 @@ from barchan.linalg import (
     factorise,
     saddle_solver,
 )
+from barchan.linalg.dense_blocks import WhitenedRows
 from barchan.linalg.factor import check_symmetric
 
 DELASSUS_ASYMMETRY = 1e-2
@@ -295,15 +296,15 @@ class Problem:
             return diagonal_blocks_of_square(self.w_rows)
         if self.factor.diagonal is not None:
             return self._diagonal_blocks_of_lumped()
-        if self.factor.inverse is None:
+        if self.factor.blocks is None:
             return delassus_diagonal(self.factor, self.M, self.H, self.s)
-        H = sp.csr_array(self.H)
-        spread = H @ self.factor.inverse
-        blocks = np.empty((self.n, self.s, self.s))
-        for i in range(self.n):
-            rows = slice(i * self.s, (i + 1) * self.s)
-            blocks[i] = (H[rows] @ spread[rows].T).toarray()
-        return blocks
+        return self.whitened.diagonal()
+
+    @cached_property
+    def whitened(self) -> WhitenedRows:
+        """G with G G^T = W for an M of small blocks."""
+        assert self.factor.blocks is not None
+        return self.factor.blocks.whitened(self.H, self.s)
 
     def _diagonal_blocks_of_lumped(self) -> np.ndarray:
         rows = self.h_rows

@@ -16,9 +16,14 @@ import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
 from barchan.errors import InputError
+from barchan.linalg._dense_block_kernels import largest_asymmetry
+from barchan.linalg.dense_blocks import DenseBlocks
 from barchan.linalg.pardiso import Pardiso, available
 
 LARGEST_DENSE_COMPONENT = 64
+LARGEST_FULL_COMPONENT = (
+    256  # the same where half of the entries of the components are stored, or there are several
+)
 SYMMETRY_TOLERANCE = 1e-8
 LARGEST_SUPERLU = 1000  # unknowns of a positive definite matrix beyond which Pardiso is preferred
 LARGEST_SERIAL = (
@@ -31,20 +36,28 @@ Solver: TypeAlias = Callable[[np.ndarray], np.ndarray]
 class Factor:
     """Solves M x = rhs for (m,) or (m, k) right-hand sides.
 
-    `kind` is "diagonal", "blocks" or "sparse"; `inverse` holds M^-1 when that is sparse (diagonal and blocks), else None.
-    `root` of a sparse factor gives R z for (m, k) arrays z, with some (m, m) R such that R R^T = M^-1, at half the cost of
-    a solve.
+    `kind` is "diagonal", "blocks" or "sparse"; `diagonal` holds the diagonal of M^-1 when M is diagonal, `blocks` the factors
+    of its blocks when these are small, else None.  `root` of a sparse factor gives R z for (m, k) arrays z, with some (m, m) R
+    such that R R^T = M^-1, at half the cost of a solve.
     """
 
     kind: str
     solve: Solver
-    inverse: sp.csr_array | None = None
+    diagonal: np.ndarray | None = None
+    blocks: DenseBlocks | None = None
     root: Solver | None = None
 
     @property
-    def diagonal(self) -> np.ndarray | None:
-        """Diagonal of M^-1 when M is diagonal, else None."""
-        return self.inverse.diagonal() if self.kind == "diagonal" and self.inverse is not None else None
+    def has_sparse_inverse(self) -> bool:
+        """Whether M^-1 is sparse: M diagonal or made of small blocks."""
+        return self.kind != "sparse"
+
+    @property
+    def inverse(self) -> sp.csr_array | None:
+        """M^-1 when that is sparse, else None."""
+        if self.blocks is not None:
+            return self.blocks.inverse
+        return None if self.diagonal is None else sp.csr_array(sp.diags_array(self.diagonal))
 
 
 def factorise(M: sp.csr_array, name: str = "M") -> Factor:
@@ -61,13 +74,15 @@ def factorise(M: sp.csr_array, name: str = "M") -> Factor:
         raise InputError(
             name, f"entry ({worst}, {worst}) is {diagonal[worst]:g}", "symmetric positive definite"
         )
-    coupled = sp.csr_array(M - sp.diags_array(diagonal)) if M.nnz > M.shape[0] else None
-    if coupled is None or not coupled.count_nonzero():
-        return Factor("diagonal", lambda x: (x.T / diagonal).T, sp.csr_array(sp.diags_array(1.0 / diagonal)))
-    count, label = connected_components(M, directed=False)
-    if np.bincount(label).max() <= LARGEST_DENSE_COMPONENT:
-        inverse = _inverse_by_components(M, label, count, name)
-        return Factor("blocks", lambda x: inverse @ x, inverse)
+    rows = np.repeat(np.arange(M.shape[0]), np.diff(M.indptr)) if M.nnz > M.shape[0] else None
+    if rows is None or not M.data[M.indices != rows].any():
+        return Factor("diagonal", lambda x: (x.T / diagonal).T, 1.0 / diagonal)
+    _, label = connected_components(M, directed=False)
+    sizes = np.bincount(label).astype(np.int64)
+    pays = 2 * M.nnz >= (sizes**2).sum() or 2 * sizes.max() <= M.shape[0]
+    if sizes.max() <= (LARGEST_FULL_COMPONENT if pays else LARGEST_DENSE_COMPONENT):
+        blocks = DenseBlocks.of(M, label, name)
+        return Factor("blocks", blocks.solve, blocks=blocks)
     found = positive_solver(M, name)
     return Factor("sparse", found.solve, root=found.root)
 
@@ -79,35 +94,12 @@ def check_symmetric(M: sp.csr_array, name: str, tolerance: float = SYMMETRY_TOLE
     if not np.isfinite(M.data).all():
         raise InputError(name, "matrix with NaN or infinite entries", "finite")
     scale = abs(M.data).max(initial=0.0)
-    skew = abs(M - M.T)
-    worst = skew.max() if skew.nnz else 0.0
+    if not M.has_canonical_format:
+        M = M.copy()
+        M.sum_duplicates()
+    worst = largest_asymmetry(M.indptr, M.indices, M.data)
     if worst > tolerance * scale:
         raise InputError(name, f"matrix with asymmetry {worst / scale:.2g} of its largest entry", "symmetric")
-
-
-def _inverse_by_components(M: sp.csr_array, label: np.ndarray, count: int, name: str) -> sp.csr_array:
-    """M^-1 of a matrix made of many small independent blocks, grouped by size so that NumPy inverts them in batches."""
-    order = np.argsort(label, kind="stable")
-    sizes = np.bincount(label, minlength=count)
-    starts = np.concatenate([[0], np.cumsum(sizes)])
-    permuted = sp.csr_array(M[order][:, order])
-    rows, columns, values = [], [], []
-    for size in np.unique(sizes):
-        first = starts[:-1][sizes == size]
-        index = first[:, None] + np.arange(size)
-        dense = np.zeros((len(first), size, size))
-        for a in range(size):
-            for b in range(size):
-                dense[:, a, b] = permuted[index[:, a], index[:, b]]
-        try:
-            np.linalg.cholesky(dense)
-        except np.linalg.LinAlgError:
-            raise InputError(name, "matrix with a non-positive eigenvalue", "positive definite") from None
-        rows.append(np.repeat(order[index], size, axis=1).ravel())
-        columns.append(np.tile(order[index], (1, size)).ravel())
-        values.append(np.linalg.inv(dense).ravel())
-    triplets = (np.concatenate(values), (np.concatenate(rows), np.concatenate(columns)))
-    return sp.csr_array(triplets, shape=M.shape)
 
 
 def sparse_solver(M: sp.csr_array, name: str, positive: bool) -> Solver:

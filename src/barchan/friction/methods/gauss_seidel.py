@@ -176,9 +176,8 @@ def prepare_sweeper(
     counts: LocalCounts | None = None,
 ) -> Sweeper:
     """What the sweeps need, set up once per problem; raises InputError when W is neither stored nor factored."""
-    delassus = build_operator(
-        problem, "explicit" if operator == "auto" and not is_lumped(problem) else operator
-    )
+    either = is_lumped(problem) or _is_made_of_small_blocks(problem)
+    delassus = build_operator(problem, "explicit" if operator == "auto" and not either else operator)
     if not isinstance(delassus, SweptDelassus):
         raise InputError("operator", operator, "'explicit': sweeps need W or a diagonal M")
     if parallel is None:
@@ -225,12 +224,17 @@ def pressure_period(delassus: SweptDelassus) -> int:
     return min(MOST_BETWEEN, max(FEWEST_BETWEEN, math.ceil(3.0 * delassus.reaction_work)))
 
 
+def _is_made_of_small_blocks(problem: Problem) -> bool:
+    """Whether W may be swept stored or factored by the small blocks of M, whichever is cheaper."""
+    return not problem.is_reduced and problem.C is None and problem.factor.blocks is not None
+
+
 def can_sweep(problem: Problem) -> bool:
     """Whether W is stored, or cheap to store, or factored by a diagonal M."""
     small = problem.n * problem.s <= LARGEST_DENSE_DELASSUS
     if problem.is_reduced or small or is_lumped(problem):
         return True
-    return problem.C is None and problem.factor.inverse is not None
+    return problem.C is None and problem.factor.has_sparse_inverse
 
 
 class Sweeper:
@@ -278,7 +282,7 @@ class Sweeper:
             self.kernel = gradient_sweeps(problem.s, form[2].shape[1], code, parallel, jacobi, counting)
         else:
             rows = swept.rows if isinstance(swept, StoredDelassus) else swept.g
-            width = 0 if isinstance(swept, StoredDelassus) else problem.velocity_block
+            width = 0 if isinstance(swept, StoredDelassus) else rows.data.shape[1]
             self.system = ((rows.indptr, rows.indices, rows.data), *arrays)
             self.kernel = block_sweeps(problem.s, width, code, parallel, jacobi, counting)
 
