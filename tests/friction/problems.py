@@ -58,3 +58,13 @@ def stacked_blocks(levels: int, mu: float = 0.6) -> Problem:
         w=np.zeros(n * s),
         law=Coulomb(np.full(n, mu)),
     )
+
+
+def lone_vertices(seed: int, n: int, law: Law) -> Problem:
+    """n masses in space, each pushed against a contact of its own, in random frames: what the nodal method is for."""
+    rng = np.random.default_rng(seed)
+    frames = np.linalg.qr(rng.standard_normal((n, 3, 3)))[0]
+    H = sp.bsr_array((frames, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n))
+    f = -frames[:, 0] * rng.uniform(0.0, 1.0, (n, 1)) + 0.3 * rng.standard_normal((n, 3))
+    mass = np.repeat(rng.uniform(0.5, 2.0, n), 3)
+    return Problem(M=sp.diags_array(mass), f=f.ravel(), H=H, w=np.zeros(3 * n), law=law)

@@ -36,7 +36,7 @@ OPERATOR_METHODS = (
     "gauss_seidel", "symmetric_gauss_seidel", "sor", "jacobi", "aspg", "apgd", "spg", "projected_gradient",
 )  # fmt: skip
 ROUGH = {"dual_ama": 1e-4, "arrow_hurwicz": 1e-4, "clarabel_primal": 1e-5, "clarabel_dual": 1e-5}
-NOT_HERE = {"lemke": "pyramids", "split_interior_point": "takes no C"}
+NOT_HERE = {"lemke": "pyramids", "split_interior_point": "takes no C", "nodal": "takes no C"}
 
 
 def column(form: str, associated: bool = False, **changes: Any) -> Problem:

@@ -109,7 +109,7 @@ def test_small_problems_take_exact_traces() -> None:
 
 def test_large_problems_never_ask_for_diagonal_blocks(monkeypatch) -> None:
     reference = problem(8).rho
-    monkeypatch.setattr(problem_module, "EXACT_ROWS", 100)
+    monkeypatch.setattr(problem_module, "EXACT_ENTRIES", 1000)
     monkeypatch.setattr(problem_module, "delassus_diagonal", lambda *_: pytest.fail("one solve per row"))
     estimate = problem(8).rho
     assert np.abs(estimate / reference - 1.0).max() < 0.6
@@ -118,7 +118,7 @@ def test_large_problems_never_ask_for_diagonal_blocks(monkeypatch) -> None:
 
 
 def test_the_unit_of_the_data_only_scales_the_estimate(monkeypatch) -> None:
-    monkeypatch.setattr(problem_module, "EXACT_ROWS", 100)
+    monkeypatch.setattr(problem_module, "EXACT_ENTRIES", 1000)
     M, H = plate(8)
     zero = {"f": np.zeros(M.shape[0]), "w": np.zeros(H.shape[0]), "law": Coulomb(0.5), "block_size": 3}
     ratio = Problem(M=4.0 * M, H=8.0 * H, **zero).rho / Problem(M=M, H=H, **zero).rho

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from problems import random_problem, stacked_blocks
+from problems import lone_vertices, random_problem, stacked_blocks
 
 from barchan.cones import Coulomb, DruckerPrager, Law, SecondOrderCone
 from barchan.errors import InputError
@@ -29,6 +29,7 @@ REFUSALS = {
     **{(name, "coulomb", 0): NOT_CONIC for name in CONIC},
     ("newton_fischer_burmeister", "truncated", 0): "law = with a shear yield",
     ("lemke", "", 6): "method = lemke: must be a method for blocks of size 6",
+    **{("nodal", "", s): f"method = nodal: must be another one for blocks of size {s}" for s in (2, 6)},
 }
 # A pyramid of four sides is no cone: in 3D its answer is as far from the law as its facets are.
 FACETED = {("lemke", "convex", 3), ("lemke", "coulomb", 3), ("lemke", "truncated", 3)}
@@ -37,6 +38,11 @@ FAMILY, UNSOLVABLE = dict(family("small")), dict(family("unsolvable"))
 
 def tiny(s: int, law: str) -> Problem:
     return random_problem(1, COUNT, s, bodies=12, law=LAWS[law])
+
+
+def suited(method: str, law: str) -> Problem:
+    """A tiny problem that the method takes: the nodal one knows vertices in space only."""
+    return lone_vertices(1, COUNT, LAWS[law]) if method == "nodal" else tiny(2, law)
 
 
 def refusal(method: str, law: str, s: int) -> str | None:
@@ -54,7 +60,7 @@ def refusal(method: str, law: str, s: int) -> str | None:
 @pytest.mark.parametrize("s", SIZES)
 @pytest.mark.parametrize("method", METHODS)
 def test_easy_problems_are_solved_or_refused_as_documented(method: str, s: int, law: str) -> None:
-    problem = tiny(s, law)
+    problem = suited(method, law) if (method, s) == ("nodal", 3) else tiny(s, law)
     says = refusal(method, law, s)
     if says is not None:
         with pytest.raises(InputError, match=says):
@@ -87,9 +93,9 @@ def test_no_contact_at_all_is_solved_trivially(method: str, form: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_separating_bodies_feel_no_forces(method: str) -> None:
-    base = tiny(2, "convex")
-    w = np.zeros(2 * COUNT)
-    w[::2] = 5.0
+    base = suited(method, "convex")
+    w = np.zeros(base.s * COUNT)
+    w[:: base.s] = 5.0
     problem = Problem(M=base.M, f=np.zeros(base.size), H=base.H, w=w, law=base.law)
     solution = solve(problem, method, tol=1e-8)
     assert solution.converged and not solution.r.any()
@@ -99,7 +105,7 @@ def test_separating_bodies_feel_no_forces(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_same_bytes_on_repeated_runs(method: str) -> None:
     law = "convex" if method in CONIC else "coulomb"
-    first, second = (solve(tiny(2, law), method, tol=1e-6) for _ in range(2))
+    first, second = (solve(suited(method, law), method, tol=1e-6) for _ in range(2))
     assert first.r.tobytes() == second.r.tobytes()
     assert [entry[:2] for entry in first.history] == [entry[:2] for entry in second.history]
 
@@ -107,7 +113,7 @@ def test_same_bytes_on_repeated_runs(method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 def test_iterations_are_counted_upwards_and_the_best_one_is_returned(method: str) -> None:
     """Also when they run out: the certificate of what is returned is the least residual of the history."""
-    problem = tiny(2, "convex")
+    problem = suited(method, "convex")
     for limit in (2, None):
         solution = solve(problem, method, tol=1e-13, max_iterations=limit or 300)
         counts = [entry.iteration for entry in solution.history]
@@ -120,8 +126,8 @@ def test_iterations_are_counted_upwards_and_the_best_one_is_returned(method: str
 @pytest.mark.parametrize("method", METHODS)
 def test_no_iterations_leave_the_start_as_it_is(method: str) -> None:
     """Or make it admissible, as methods do that only know admissible forces."""
-    problem = tiny(2, "convex")
-    start = np.abs(np.random.default_rng(0).standard_normal((COUNT, 2)))
+    problem = suited(method, "convex")
+    start = np.abs(np.random.default_rng(0).standard_normal((COUNT, problem.s)))
     solution = solve(problem, method, r0=start, max_iterations=0)
     assert solution.iterations == 0 and len(solution.history) >= 1
     kept = np.allclose(solution.r, start.ravel(), rtol=1e-12)
@@ -130,7 +136,7 @@ def test_no_iterations_leave_the_start_as_it_is(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_solution_is_recognised(method: str) -> None:
-    problem = tiny(2, "convex")
+    problem = suited(method, "convex")
     start = solve(problem, "gauss_seidel", tol=1e-12).r
     solution = solve(problem, method, tol=1e-6, r0=start)
     assert solution.converged and solution.iterations == 0
@@ -139,8 +145,8 @@ def test_a_solution_is_recognised(method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 def test_neither_problem_nor_start_is_changed(method: str) -> None:
-    problem = tiny(2, "convex")
-    start = np.ones((COUNT, 2))
+    problem = suited(method, "convex")
+    start = np.ones((COUNT, problem.s))
     before = [x.copy() for x in (problem.w, problem.f, problem.H.data, problem.M.data, problem.parameters)]
     solve(problem, method, r0=start, tol=1e-6)
     after = (problem.w, problem.f, problem.H.data, problem.M.data, problem.parameters)

@@ -32,7 +32,7 @@ from barchan.linalg.dense_blocks import WhitenedRows
 from barchan.linalg.factor import check_symmetric
 
 DELASSUS_ASYMMETRY = 1e-2
-EXACT_ROWS = 20_000  # rows of H beyond which `rho` is an estimate where M has a dense inverse
+EXACT_ENTRIES = 20_000_000  # of H M^-1, beyond which `rho` is an estimate where M has a dense inverse
 Matrix: TypeAlias = np.ndarray | sp.sparray | sp.spmatrix
 
 
@@ -318,11 +318,12 @@ class Problem:
     def rho(self) -> np.ndarray:
         """(n,) force per velocity rho_i = s / Tr(W_ii) of the certificate (blocks with W_ii = 0 take the median).
 
-        With a sparse M whose inverse is dense and more than EXACT_ROWS rows of H, Tr(W_ii) is estimated from PROBES random
-        vectors that are always the same (`barchan.linalg.delassus_trace`): a relative standard deviation of
+        With a sparse M whose inverse is dense and more than EXACT_ENTRIES numbers in H M^-1, Tr(W_ii) is estimated from PROBES
+        random vectors that are always the same (`barchan.linalg.delassus_trace`): a relative standard deviation of
         sqrt(2 / (PROBES s)) = 10 % where W_ii is a multiple of the identity (s = 3), 18 % at worst. Without C, as W_ii itself.
         """
-        if self.is_reduced or self.factor.kind != "sparse" or self.n * self.s <= EXACT_ROWS:
+        entries = self.n * self.s * self.size
+        if self.is_reduced or self.factor.kind != "sparse" or entries <= EXACT_ENTRIES:
             trace = np.einsum("iaa->i", self.diagonal_blocks)
         else:
             trace = delassus_trace(self.factor, self.H, self.s)

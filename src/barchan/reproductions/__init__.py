@@ -45,6 +45,10 @@ NAMES = (
     "sedimentation_onset",
     "immersed_columns",
     "grains_to_fields",
+    "fibre_orbit",
+    "local_solvers",
+    "hair_solvers",
+    "nodal_cloth",
 )
 
 __all__ = ["NAMES", "Report", "Table", "Workshop", "reproduce", "title"]

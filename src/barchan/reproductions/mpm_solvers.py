@@ -14,9 +14,9 @@ import numpy as np
 
 from barchan import friction
 from barchan.bench import Measurement, Plan, Variant, run_campaign
-from barchan.bench.profile import cost_table, performance_profile
 from barchan.flows.mpm import Material, Options, State, Stepper, Wall, Walls, fill_box
-from barchan.reproductions.workshop import Report, Table, Workshop
+from barchan.reproductions.profiles import all_solved, profile_table, size_table, wins
+from barchan.reproductions.workshop import Report, Workshop
 from barchan.spaces import RegularGrid
 
 TITLE = "Performance profiles of friction solvers on material point steps (seed B, Fig. 7.24)"
@@ -33,7 +33,6 @@ VARIANTS = (
 )
 TOLERANCE = 1e-4
 LIMITS = {True: 5.0, False: 30.0}  # seconds for one solve, quickly or not
-WITHIN = (1.0, 2.0, 10.0)  # multiples of the time of the fastest
 DT = 1.0 / 240.0
 
 
@@ -94,41 +93,17 @@ def reproduce(workshop: Workshop) -> Report:
         methods=(), variants=VARIANTS, tolerance=TOLERANCE, time_limit=LIMITS[workshop.quick], repeats=1, peers=False
     )  # fmt: skip
     campaign = run_campaign(problems, plan, workshop.out, _tell)
-    sizes = Table(
-        "problems", ("problem", "blocks", "block size", "velocities"),
-        [[name, str(problem.n), str(problem.s), str(problem.size)] for name, problem in problems],
-    )  # fmt: skip
     found = campaign.measurements
-    solved = {entry.problem for entry in found if entry.converged}
-    return Report([sizes, _profile(found)], _notes(found, workshop.quick), len(solved) == len(problems))
-
-
-def _profile(found: list[Measurement]) -> Table:
-    """Share of the problems solved within a multiple of the time of the fastest."""
-    problems, solvers, costs = cost_table(found)
-    x, share = performance_profile(costs)
-    heads = ("solver", *(f"within {multiple:g}x (%)" for multiple in WITHIN), "solved (%)", "median seconds")
-    rows = []
-    for k, solver in enumerate(solvers):
-        shares = [share[np.searchsorted(x, multiple, side="right") - 1, k] for multiple in WITHIN]
-        times = costs[np.isfinite(costs[:, k]), k]
-        median = f"{np.median(times):.3g}" if len(times) else "-"
-        rows.append(
-            [solver, *(f"{100.0 * value:.0f}" for value in shares), f"{100.0 * len(times) / len(problems):.0f}", median]
-        )  # fmt: skip
-    return Table(f"{len(problems)} problems, certificate {TOLERANCE:g}", heads, rows)
+    tables = [size_table(problems), profile_table(found, TOLERANCE)]
+    return Report(tables, _notes(found, workshop.quick), all_solved(found, problems))
 
 
 def _notes(found: list[Measurement], quick: bool) -> list[str]:
-    _, solvers, costs = cost_table(found)
-    solved = np.isfinite(costs).any(axis=1)
-    wins = [
-        int(np.sum(solved & (costs[:, k] <= costs.min(axis=1, initial=np.inf)))) for k in range(len(solvers))
-    ]
-    first = solvers[int(np.argmax(wins))]
+    won = wins(found)
+    first = max(won, key=won.__getitem__)
     return [
         f"Published: the matrix-free Gauss-Seidel performs best, Cadoux's algorithm gains nothing. Ours most often the "
-        f"fastest: {first} ({max(wins)} of {len(costs)}); {BEST}: {wins[solvers.index(BEST)]}.",
+        f"fastest: {first} ({won[first]} of {sum(won.values())}); {BEST}: {won[BEST]}.",
         f"A solve is stopped after {LIMITS[quick]:g} s. The seed judges by the function of Alart and Curnier, we by our "
         "certificate; its problems, solver library and four cores are not ours.",
     ]

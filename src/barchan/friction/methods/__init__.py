@@ -34,6 +34,7 @@ from barchan.friction.methods.newton import (
     newton_de_saxce,
     newton_fischer_burmeister,
 )
+from barchan.friction.methods.nodal import nodal
 from barchan.friction.methods.projected_gradient import projected_gradient
 from barchan.friction.methods.proximal_newton import proximal_newton
 from barchan.friction.methods.spg import spg
@@ -110,6 +111,7 @@ METHODS: dict[str, Method] = {
     "interior_point": Method(
         interior_point, "this project; seed B, 3.2", "central path, one factorisation a step"
     ),
+    "nodal": Method(nodal, "seed B, 4.3.1", "sweeps and corrections in velocities, one contact a vertex"),
     "split_interior_point": Method(
         split_interior_point, "this project", "central path of pressure and friction apart, for flows"
     ),

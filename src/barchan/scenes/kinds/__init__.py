@@ -22,6 +22,9 @@ KIND_NAMES = (
     "dry_p0",
     "suspension",
     "bodies",
+    "chain",
+    "fibres",
+    "cloth",
 )
 """What `[scene] kind` may be; the first is the kind of a scene file that names none."""
 
