@@ -1,6 +1,6 @@
 """Vertices near triangles and edges near edges of one surface: closest points, signed gaps, sides kept from step to step.
 
-A pair counts if its nearest points are inside triangle or edges at the start of the step, or at its end if nothing touched.
+A pair counts if its nearest points are inside triangle or edges at the start of the step.
 """
 
 from __future__ import annotations
@@ -39,28 +39,23 @@ class Memory(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """Positions (n, 3) at the start of a step, velocities, and positions at its end if nothing touched."""
+    """Positions and velocities (n, 3) at the start of a step."""
 
     start: Array
     velocity: Array
-    end: Array
 
 
 class Limits(NamedTuple):
-    """Step dt [s], thickness, gap looked at beyond it, distance beyond which nothing is looked at [m].
-
-    border : how far beyond triangles and edges nearest points still count, in barycentric coordinates.
-    """
+    """Step dt [s], thickness, gap looked at beyond it, and distance beyond which nothing is looked at [m]."""
 
     dt: float
     thickness: float
     slack: float
     wide: float
-    border: float
 
 
 class Found(NamedTuple):
-    """Contacts: keys, sides (k,), 0 where none is kept, vertices and weights (k, 4), normals (k, 3), gaps (k,)."""
+    """Contacts: keys, sides (k,), vertices and weights (k, 4), normals (k, 3), gaps (k,)."""
 
     keys: Whole
     sides: Whole
@@ -112,7 +107,7 @@ def _closing(v: Array, vertices: Whole, weights: Array, normal: Vec) -> float:
 
 
 @njit(cache=True)
-def _on_face(x: Array, vertices: Whole, weights: Array, border: float) -> bool:
+def _on_face(x: Array, vertices: Whole, weights: Array) -> bool:
     """Weights of a vertex and of its foot on a triangle, vertices[1:]; whether the foot is inside."""
     o = row(x, vertices[1])
     one, two, way = sub(row(x, vertices[2]), o), sub(row(x, vertices[3]), o), sub(row(x, vertices[0]), o)
@@ -120,11 +115,11 @@ def _on_face(x: Array, vertices: Whole, weights: Array, border: float) -> bool:
     squared = dot(normal, normal)
     b, c = dot(cross(way, two), normal) / squared, dot(cross(one, way), normal) / squared
     weights[0], weights[1], weights[2], weights[3] = 1.0, b + c - 1.0, -b, -c
-    return min(b, c, 1.0 - b - c) >= -border
+    return min(b, c, 1.0 - b - c) >= -INSIDE
 
 
 @njit(cache=True)
-def _on_edges(x: Array, vertices: Whole, weights: Array, border: float) -> bool:
+def _on_edges(x: Array, vertices: Whole, weights: Array) -> bool:
     """Weights of the nearest points of two lines; whether they are inside both edges. False for parallel ones."""
     first = sub(row(x, vertices[1]), row(x, vertices[0]))
     second = sub(row(x, vertices[3]), row(x, vertices[2]))
@@ -135,7 +130,7 @@ def _on_edges(x: Array, vertices: Whole, weights: Array, border: float) -> bool:
     way = sub(row(x, vertices[2]), row(x, vertices[0]))
     s, t = dot(cross(way, second), normal) / squared, dot(cross(way, first), normal) / squared
     weights[0], weights[1], weights[2], weights[3] = 1.0 - s, s, t - 1.0, -t
-    return min(s, 1.0 - s, t, 1.0 - t) >= -border
+    return min(s, 1.0 - s, t, 1.0 - t) >= -INSIDE
 
 
 @njit(cache=True)
@@ -153,13 +148,11 @@ def _vertex_face(
     if abs(distance) > limits.wide:
         return at
     vertices[0], vertices[1], vertices[2], vertices[3] = vertex, a, b, c
-    inside = _on_face(x, vertices, weights, INSIDE)
-    near = inside or _on_face(x, vertices, weights, limits.border)
-    if not near and not _on_face(motion.end, vertices, weights, INSIDE):
+    if not _on_face(x, vertices, weights):
         return at
     key = 2 * (vertex * surface.triangles.shape[0] + t)
     return _judged(
-        motion, surface, memory, inside, key, normal, distance, limits, vertices, weights, found, at, write
+        motion, surface, memory, key, normal, distance, limits, vertices, weights, found, at, write
     )
 
 
@@ -183,34 +176,28 @@ def _edge_edge(
     if abs(distance) > limits.wide:
         return at
     vertices[0], vertices[1], vertices[2], vertices[3] = a, b, c, d
-    inside = _on_edges(x, vertices, weights, INSIDE)
-    near = inside or _on_edges(x, vertices, weights, limits.border)
-    if not near and not _on_edges(motion.end, vertices, weights, INSIDE):
+    if not _on_edges(x, vertices, weights):
         return at
     key = 2 * (one * surface.edges.shape[0] + two) + 1
     return _judged(
-        motion, surface, memory, inside, key, normal, distance, limits, vertices, weights, found, at, write
+        motion, surface, memory, key, normal, distance, limits, vertices, weights, found, at, write
     )
 
 
 @njit(cache=True)
 def _judged(
-    motion: Motion, surface: Surface, memory: Memory, inside: bool, key: int, normal: Vec, distance: float, limits: Limits,
+    motion: Motion, surface: Surface, memory: Memory, key: int, normal: Vec, distance: float, limits: Limits,
     vertices: Whole, weights: Array, found: Found, at: int, write: bool,
 ) -> int:  # fmt: skip
-    """Keep a pair whose gap on its side closes within the step. A side is learnt only where the pair is `inside`: round a
-    border it may change.
-    """
+    """Keep a pair whose gap on its side closes within the step."""
     side = _side(memory, key, distance, limits.thickness)
-    at_key = np.searchsorted(memory.keys, key)
-    kept = inside or (at_key < memory.keys.shape[0] and memory.keys[at_key] == key)
     normal = scaled(float(side), normal)
     gap = side * distance - limits.thickness
     if gap > limits.slack + limits.dt * _closing(motion.velocity, vertices, weights, normal):
         return at
     if _near_at_rest(surface.rest, vertices, weights, 2.0 * limits.thickness):
         return at
-    return _keep(found, at, write, key, side if kept else 0, vertices, weights, normal, gap)
+    return _keep(found, at, write, key, side, vertices, weights, normal, gap)
 
 
 @njit(cache=True)

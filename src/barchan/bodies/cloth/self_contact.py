@@ -18,8 +18,6 @@ from barchan.bodies.cloth.mesh import ClothMesh
 Vector = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-MOST_BORDER = 0.1  # barycentric
-
 
 class SelfContact:
     """Finds where a cloth comes within `thickness` [m] of itself; `friction` of its surface."""
@@ -27,8 +25,6 @@ class SelfContact:
     def __init__(self, mesh: ClothMesh, thickness: float, friction: float) -> None:
         self._thickness, self._friction = thickness, friction
         hinges, triangles = mesh.hinges, mesh.triangles
-        # corners that meet corners are seen a thickness beyond triangles and edges
-        self._border = min(thickness / float(np.min(mesh.edge_lengths)), MOST_BORDER)
         vertex_owner = np.full(len(mesh.vertices), -1, dtype=np.int64)
         vertex_owner[triangles[::-1].ravel()] = np.repeat(np.arange(len(triangles))[::-1], 3)
         edge_owner = np.ascontiguousarray(hinges.beside[:, 0])
@@ -48,12 +44,9 @@ class SelfContact:
         slack = self._thickness + margin
         wide = self._thickness + slack + 2.0 * dt * fastest
         pairs = close_triangles(positions, self._surface.triangles, wide)
-        motion = Motion(*(np.ascontiguousarray(a) for a in (positions, velocities, positions + dt * apart)))
-        found = self._collected(
-            motion, pairs, Memory(keys, sides), Limits(dt, self._thickness, slack, wide, self._border)
-        )
-        firm = np.flatnonzero(found.sides)
-        order = firm[np.argsort(found.keys[firm])]
+        motion = Motion(*(np.ascontiguousarray(a) for a in (positions, velocities)))
+        found = self._collected(motion, pairs, Memory(keys, sides), Limits(dt, self._thickness, slack, wide))
+        order = np.argsort(found.keys)
         kept = _one_face_a_side(found, self._vertex_normals(positions))
         return self._arrays(found, positions, kept), found.keys[order], found.sides[order]
 
