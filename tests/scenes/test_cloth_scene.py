@@ -10,8 +10,10 @@ import pytest
 
 from barchan import scenes
 from barchan.errors import InputError
-from barchan.results.cloth_pictures import ClothScene, painter, shaded_view
+from barchan.results.cloth_pictures import picture, shaded_view
+from barchan.results.cloth_scenes import ClothScene
 from barchan.results.reader import open_results
+from barchan.results.solid_scenes import painter
 from barchan.scenes.kinds.cloth.entries import ClothBodyEntry
 from barchan.scenes.kinds.cloth.making import build_obstacles, driven_time
 
@@ -64,7 +66,7 @@ def test_a_run_leaves_a_mesh_contacts_pictures_and_the_same_numbers_in_memory(tm
     grid = results.grid(-1)
     assert grid["cells"].shape[1] == 3 and grid["positions"].shape == grid["velocities"].shape
     scene = ClothScene(build_obstacles(scenes.load("cloth_on_sphere", **over).parameters), results)
-    for draw in (painter(), shaded_view):
+    for draw in (painter(picture, shaded_view), shaded_view):
         image = draw(scene, results.frames - 1, (120, 100))
         assert image.shape == (100, 120, 3) and len(np.unique(image.reshape(-1, 3), axis=0)) > 20
     again = scenes.load("cloth_on_sphere", **over).run(progress=False)

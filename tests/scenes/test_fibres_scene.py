@@ -13,8 +13,9 @@ import pytest
 from barchan import friction, results, scenes
 from barchan.bodies.rigid.rotations import logarithm, matrix
 from barchan.errors import InputError
-from barchan.results.fibre_pictures import painter, side_view
+from barchan.results.fibre_pictures import picture, side_view
 from barchan.results.fibre_scenes import FibreScene
+from barchan.results.solid_scenes import painter
 from barchan.scenes.kinds.fibres.entries import RootsGroup
 from barchan.scenes.kinds.fibres.making import build_obstacles, laid_strands
 from barchan.scenes.kinds.fibres.model import FibresModel
@@ -129,7 +130,7 @@ def test_pictures_without_pyvista_show_the_fibres() -> None:
     shown = FibreScene(build_obstacles(scene.parameters), 1e-3, run.results)  # type: ignore[arg-type]
     image = side_view(shown, 0, (200, 160))
     assert image.shape == (160, 200, 3) and image.min() < 150  # something is drawn on white
-    assert painter() is not None
+    assert painter(picture, side_view) is not None
 
 
 @pytest.mark.parametrize(

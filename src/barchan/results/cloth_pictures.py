@@ -2,84 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
 from barchan.bodies.rigid import HalfSpace
-from barchan.results.animation import LARGEST_SIZE, encode
 from barchan.results.cloth_scenes import ClothScene
-from barchan.results.figures import new_figure, save_figure
 from barchan.results.pictures import COLOUR_MAP
-from barchan.results.view import spread_frames
-from barchan.storage import write_bytes
-
-__all__ = ["ClothScene", "draw_animation", "draw_strip", "painter", "picture", "shaded_view"]
+from barchan.results.solid_scenes import Pixels
 
 Vector = NDArray[np.float64]
-Pixels = tuple[int, int]
 
-_PIXELS: Pixels = (900, 800)
-_ANIMATIONS = (((520, 460), 60), ((420, 380), 40), ((320, 280), 24))  # pixels, number of frames
 _VIEW = np.array([0.55, -1.0, 0.45])  # from the middle of the window to the eye
 _LIGHT = np.array([0.4, -0.6, 0.7]) / np.linalg.norm([0.4, -0.6, 0.7])
 _DISTANCE = 0.95  # to the eye, over the distance from which a ball about the window is just seen
 _FACETS = 40  # across a body
 _BODY, _GROUND = (0.82, 0.82, 0.84), "wheat"
-
-
-def draw_strip(path: Path, scene: ClothScene, title: str) -> None:
-    """Up to six frames, evenly spread in time."""
-    frames = spread_frames(scene.results, 6, float(scene.times[-1]))
-    columns = min(3, len(frames))
-    rows = -(-len(frames) // columns)
-    figure = new_figure(columns * 3.6 + 1.4, rows * 3.4 + 0.7)
-    axes: Any = np.atleast_1d(figure.subplots(rows, columns, squeeze=False)).ravel()
-    for axis in axes:
-        axis.set_axis_off()
-    draw = painter()
-    for axis, frame in zip(axes, frames, strict=False):
-        axis.imshow(draw(scene, frame, _PIXELS))
-        axis.set_title(f"t = {scene.times[frame]:.3g} s", fontsize=9, loc="left")
-    shown = ScalarMappable(Normalize(*scene.scale), COLOUR_MAP)
-    figure.colorbar(shown, ax=list(axes), label=scene.label, extend="max", shrink=0.8, pad=0.01)
-    figure.suptitle(title, fontsize=11)
-    save_figure(figure, path)
-
-
-def draw_animation(path: Path, scene: ClothScene, title: str) -> None:
-    """An endless GIF of the run, at most 3 MB."""
-    content, draw = b"", painter()
-    for pixels, count in _ANIMATIONS:
-        images = []
-        for frame in spread_frames(scene.results, count, float(scene.times[-1])):
-            image = Image.fromarray(draw(scene, frame, pixels))
-            words = f"{title}   t = {scene.times[frame]:.2f} s"
-            ImageDraw.Draw(image).text((6, 4), words, fill=(0, 0, 0))
-            images.append(image)
-        content = encode(images)
-        if len(content) <= LARGEST_SIZE:
-            break
-    write_bytes(path, content)
-
-
-def painter() -> Callable[[ClothScene, int, Pixels], NDArray[np.uint8]]:
-    """What draws a frame as an RGB image: PyVista where it is, else matplotlib."""
-    try:
-        import pyvista  # noqa: F401
-    except ImportError:
-        return shaded_view
-    return picture
 
 
 def picture(scene: ClothScene, frame: int, pixels: Pixels) -> NDArray[np.uint8]:

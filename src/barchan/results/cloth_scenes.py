@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from barchan.bodies.rigid import Body, Prescribed
-from barchan.bodies.rigid.rotations import matrix
-from barchan.results.reader import Results
+from barchan.results.solid_scenes import SolidScene
 
 Vector = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-_FRAMES_LOOKED_AT = 12
 _MARGIN = 0.03
 _MOST_SUNKEN = 0.03  # of the least extent of a body
 _SPARE = 1.3  # so that lines on the body stay hidden as well
 
 
-class ClothScene:
+class ClothScene(SolidScene):
     """A cloth and `bodies` that move as given, in the frames of `results`; colour is "speed" (m/s) or "height" (m)."""
-
-    def __init__(self, bodies: Sequence[Body], results: Results, colour: str = "speed") -> None:
-        self.bodies, self.results, self.colour = bodies, results, colour
-
-    @property
-    def times(self) -> Vector:
-        """(frames,) [s]."""
-        return np.asarray(self.results.times)
 
     @cached_property
     def triangles(self) -> Whole:
@@ -55,22 +43,9 @@ class ClothScene:
     @cached_property
     def scale(self) -> tuple[float, float]:
         """Ends of the colour scale over the frames that pictures show."""
-        seen = np.concatenate([self.values(frame) for frame in self._looked_at])
+        seen = np.concatenate([self.values(frame) for frame in self.looked_at])
         low = 0.0 if self.colour == "speed" else float(np.min(seen))
         return low, max(float(np.quantile(seen, 0.99)), low + 1e-9)
-
-    @cached_property
-    def _looked_at(self) -> list[int]:
-        count = min(self.results.frames, _FRAMES_LOOKED_AT)
-        return np.unique(np.linspace(0, self.results.frames - 1, count).astype(int)).tolist()
-
-    def pose(self, number: int, time: float) -> tuple[Vector, Vector]:
-        """Position (3,) and rotation matrix (3, 3) of a body at `time` [s]."""
-        body = self.bodies[number]
-        if not isinstance(body.motion, Prescribed):
-            return body.position, matrix(body.rotation)
-        turn = body.motion.rotation_at(time)
-        return body.motion.position_at(time), matrix(body.rotation if turn is None else turn)
 
     def sunken(self, number: int, frame: int) -> float:
         """How far [m] the middles of triangles and edges are inside a body: its contacts are at vertices.
@@ -89,7 +64,7 @@ class ClothScene:
     @cached_property
     def window(self) -> tuple[Vector, Vector]:
         """Lower and upper corner (3,) of a box that holds the cloth, and most of the bodies that have an end."""
-        seen = np.concatenate([self.vertices(frame) for frame in self._looked_at])
+        seen = np.concatenate([self.vertices(frame) for frame in self.looked_at])
         lower, upper = np.min(seen, axis=0), np.max(seen, axis=0)
         room = 0.6 * float(np.max(upper - lower))
         for number, body in enumerate(self.bodies):

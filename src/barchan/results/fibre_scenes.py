@@ -8,18 +8,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from barchan.bodies.rigid import Body, Prescribed
-from barchan.bodies.rigid.rotations import matrix
+from barchan.bodies.rigid import Body
 from barchan.results.reader import Results
+from barchan.results.solid_scenes import SolidScene
 
 Vector = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-_FRAMES_LOOKED_AT = 12
 _LARGEST_BODY = 1.0  # of the extent of the fibres: larger bodies do not set the window
 
 
-class FibreScene:
+class FibreScene(SolidScene):
     """Fibres of one `radius` [m] and `bodies` that move as given, in the frames of `results`.
 
     colour : "speed" (m/s) or "fibre", its number.
@@ -28,12 +27,8 @@ class FibreScene:
     def __init__(
         self, bodies: Sequence[Body], radius: float, results: Results, colour: str = "speed"
     ) -> None:
-        self.bodies, self.radius, self.results, self.colour = bodies, radius, results, colour
-
-    @property
-    def times(self) -> Vector:
-        """(frames,) [s]."""
-        return np.asarray(self.results.times)
+        super().__init__(bodies, results, colour)
+        self.radius = radius
 
     def nodes(self, frame: int) -> Vector:
         """(p, 3) of all fibres, one after the other [m]."""
@@ -61,20 +56,6 @@ class FibreScene:
         """Ends of the colour scale over the frames that pictures show."""
         seen = np.concatenate([self.values(frame) for frame in self.looked_at])
         return 0.0, max(float(np.quantile(seen, 0.995)), 1e-9)
-
-    @property
-    def looked_at(self) -> list[int]:
-        """Frames that the window and the colours are made for."""
-        count = min(self.results.frames, _FRAMES_LOOKED_AT)
-        return np.unique(np.linspace(0, self.results.frames - 1, count).astype(int)).tolist()
-
-    def pose(self, number: int, time: float) -> tuple[Vector, Vector]:
-        """Position (3,) and rotation matrix (3, 3) of a body at `time` [s]."""
-        body = self.bodies[number]
-        if not isinstance(body.motion, Prescribed):
-            return body.position, matrix(body.rotation)
-        turn = body.motion.rotation_at(time)
-        return body.motion.position_at(time), matrix(body.rotation if turn is None else turn)
 
     @cached_property
     def window(self) -> tuple[Vector, Vector]:

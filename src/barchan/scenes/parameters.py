@@ -8,11 +8,14 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from barchan.errors import InputError
+
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0)]
 Count = Annotated[int, Field(ge=1)]
 
 MOST_FRAMES = 99_999
+MOST_STEPS = 1_000_000  # a moving body may have a keyframe for each
 
 
 class Group(BaseModel):
@@ -30,6 +33,33 @@ class SceneHeader(Group):
     name: str = Field(min_length=1, pattern=r"^[A-Za-z0-9_.-]+$", description="short name, used for folders")
     kind: str = Field(description="what is simulated")
     description: str = Field(default="", description="one line for `barchan scenes`")
+
+
+class StepTime(Group):
+    """[time] of what goes by steps of one length."""
+
+    end: Positive = Field(description="simulated time, s")
+    frame_rate: Positive = Field(description="frames stored per second")
+    step: Positive = Field(description="time step, s")
+
+
+class StepSolver(Group):
+    """[solver] of what solves a friction problem in each step."""
+
+    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
+    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=1e-6, description="largest certificate of a step"
+    )
+    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a step")
+
+
+class ProblemWriting(Group):
+    """What [observe] says of the friction problems of the steps."""
+
+    write_problems_every: Annotated[int, Field(ge=0)] = Field(
+        default=0,
+        description="steps from one friction problem written to the run folder to the next; 0: never",
+    )
 
 
 class SceneParameters(Group):
@@ -72,3 +102,43 @@ class SceneParameters(Group):
 
     def check(self) -> None:
         """Raise InputError unless the tables fit together."""
+
+
+class SteppedParameters(SceneParameters):
+    """A complete scene that goes by steps of one length, with frames between them."""
+
+    scene: SceneHeader
+    time: StepTime
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames per second."""
+        return self.time.frame_rate
+
+    @property
+    def frame_count(self) -> int:
+        """Frames after the initial one."""
+        return max(1, round(self.time.end * self.time.frame_rate))
+
+    @classmethod
+    def anchored(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
+        """Mesh files of bodies are taken from the folder of the scene file."""
+        bodies = tables.get("bodies", {})
+        for body in bodies.values() if isinstance(bodies, dict) else ():
+            anchor_file(body, folder)
+        return tables
+
+    def check(self) -> None:
+        """Raise InputError for more frames than a run folder holds, or more than MOST_STEPS steps."""
+        time = self.time
+        if time.end * time.frame_rate > MOST_FRAMES:
+            raise InputError("time.frame_rate", time.frame_rate, f"at most {MOST_FRAMES} frames in all")
+        if time.end > MOST_STEPS * time.step:
+            raise InputError("time.step", time.step, f"at most {MOST_STEPS} steps in all (s)")
+
+
+def anchor_file(table: Any, folder: Path) -> None:
+    """The path under `file` of a table, which may not be valid, taken from `folder`."""
+    name = table.get("file") if isinstance(table, dict) else None
+    if isinstance(table, dict) and isinstance(name, str) and name:
+        table["file"] = str((folder / name).resolve())

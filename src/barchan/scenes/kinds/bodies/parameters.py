@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -24,13 +23,14 @@ from barchan.scenes.kinds.bodies.entries import (
 from barchan.scenes.kinds.sand.entries import Share, rows_key, vector_key
 from barchan.scenes.kinds.sand.parameters import check_vectors
 from barchan.scenes.parameters import (
-    MOST_FRAMES,
-    Count,
     Group,
     NotNegative,
     Positive,
+    ProblemWriting,
     SceneHeader,
-    SceneParameters,
+    SteppedParameters,
+    StepSolver,
+    StepTime,
 )
 
 
@@ -101,25 +101,18 @@ class CellGroup(Group):
     )
 
 
-class BodiesTime(Group):
+class BodiesTime(StepTime):
     """[time]"""
 
-    end: Positive = Field(description="simulated time, s")
-    frame_rate: Positive = Field(description="frames stored per second")
     step: Positive = Field(description="time step; soft: time between records, of many steps, s")
     rest_speed: NotNegative = Field(
         default=0.0, description="the run ends at a frame when nothing is faster than this, m/s; 0: never"
     )
 
 
-class BodiesSolver(Group):
+class BodiesSolver(StepSolver):
     """[solver]"""
 
-    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=1e-6, description="largest certificate of a step"
-    )
-    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a step")
     min_sweeps: Annotated[int, Field(ge=0)] = Field(
         default=0, description="fewest solver iterations in a step"
     )
@@ -128,7 +121,7 @@ class BodiesSolver(Group):
     )
 
 
-class BodiesObserve(Group):
+class BodiesObserve(ProblemWriting):
     """[observe]"""
 
     length: Positive | None = Field(default=None, description="length L0 that run-outs are relative to, m")
@@ -147,14 +140,10 @@ class BodiesObserve(Group):
         json_schema_extra={"accepted": "a name"},
     )
     ground: str = Field(default="", description="see `sliding`", json_schema_extra={"accepted": "a name"})
-    write_problems_every: Annotated[int, Field(ge=0)] = Field(
-        default=0,
-        description="steps from one friction problem written to the run folder to the next; 0: never",
-    )
     colour: Literal["speed", "size"] = Field(default="speed", description="of bodies in pictures")
 
 
-class BodiesParameters(SceneParameters):
+class BodiesParameters(SteppedParameters):
     """A complete scene of kind "bodies"."""
 
     scene: BodiesHeader
@@ -184,16 +173,6 @@ class BodiesParameters(SceneParameters):
         return ", ".join(words)
 
     @property
-    def frame_rate(self) -> float:
-        """Frames per second."""
-        return self.time.frame_rate
-
-    @property
-    def frame_count(self) -> int:
-        """Frames after the initial one."""
-        return max(1, round(self.time.end * self.time.frame_rate))
-
-    @property
     def gravity_vector(self) -> list[float]:
         """Gravity (d,) m/s^2, turned by the slope."""
         angle, g = math.radians(self.scene.slope_deg), self.scene.gravity
@@ -212,18 +191,9 @@ class BodiesParameters(SceneParameters):
         """Names and tables of [joints]."""
         yield from (self.joints.model_extra or {}).items()
 
-    @classmethod
-    def anchored(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Mesh files of bodies are taken from the folder of the scene file."""
-        bodies = tables.get("bodies", {})
-        for body in bodies.values() if isinstance(bodies, dict) else ():
-            name = body.get("file") if isinstance(body, dict) else None
-            if isinstance(name, str) and name:
-                body["file"] = str((folder / name).resolve())
-        return tables
-
     def check(self) -> None:
         """Raise InputError unless the tables fit together; bodies are checked when they are made."""
+        super().check()
         d = self.dimension
         if not [*self.single_bodies(), *self.makers()]:
             raise InputError("bodies", "empty", "a table [bodies.NAME] or [generators.NAME]")
@@ -234,14 +204,8 @@ class BodiesParameters(SceneParameters):
             check_vectors(f"generators.{name}", maker, ("lower", "upper", "position", "velocity", "size"), d)
         for name, joint in self.joint_tables():
             check_vectors(f"joints.{name}", joint, ("anchor", "second_anchor", "axis"), d)
-        self._check_frames()
         self._check_contact()
         self._check_observed()
-
-    def _check_frames(self) -> None:
-        time = self.time
-        if time.end * time.frame_rate > MOST_FRAMES:
-            raise InputError("time.frame_rate", time.frame_rate, f"at most {MOST_FRAMES} frames in all")
 
     def _check_contact(self) -> None:
         contact, cell = self.contact, self.cell

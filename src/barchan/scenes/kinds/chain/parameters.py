@@ -6,19 +6,19 @@ SI units; the vertical is z. Lists hold one number for all segments or one for e
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import ConfigDict, Field
 
 from barchan.errors import InputError
 from barchan.scenes.parameters import (
-    MOST_FRAMES,
     Count,
     Group,
     NotNegative,
     Positive,
     SceneHeader,
-    SceneParameters,
+    SteppedParameters,
+    StepSolver,
 )
 
 
@@ -86,15 +86,7 @@ class ObstaclesTable(Group):
     __pydantic_extra__: dict[str, ObstacleEntry] = Field(init=False)
 
 
-class ChainTime(Group):
-    """[time]"""
-
-    end: Positive = Field(description="simulated time, s")
-    frame_rate: Positive = Field(description="frames stored per second")
-    step: Positive = Field(description="time step, s")
-
-
-class ChainSolver(Group):
+class ChainSolver(StepSolver):
     """[solver]"""
 
     model: Literal["all", "maximal", "lumped", "reduced"] = Field(
@@ -104,20 +96,14 @@ class ChainSolver(Group):
     iterations: Count = Field(
         default=1, description="most linearisations of a step; 1: the linearised implicit step"
     )
-    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=1e-6, description="largest certificate of a step"
-    )
-    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a linearisation")
 
 
-class ChainParameters(SceneParameters):
+class ChainParameters(SteppedParameters):
     """A complete scene of kind "chain"."""
 
     scene: ChainHeader
     chain: ChainGroup = ChainGroup()
     obstacles: ObstaclesTable = ObstaclesTable()
-    time: ChainTime
     solver: ChainSolver = ChainSolver()
 
     @property
@@ -131,16 +117,6 @@ class ChainParameters(SceneParameters):
         return f"{self.chain.segments} segments"
 
     @property
-    def frame_rate(self) -> float:
-        """Frames per second."""
-        return self.time.frame_rate
-
-    @property
-    def frame_count(self) -> int:
-        """Frames after the initial one."""
-        return max(1, round(self.time.end * self.time.frame_rate))
-
-    @property
     def model_names(self) -> tuple[str, ...]:
         """The models that run side by side."""
         return ("maximal", "lumped", "reduced") if self.solver.model == "all" else (self.solver.model,)
@@ -151,8 +127,7 @@ class ChainParameters(SceneParameters):
 
     def check(self) -> None:
         """Raise InputError unless the tables fit together; chain and obstacles are checked when they are made."""
-        if self.time.end * self.time.frame_rate > MOST_FRAMES:
-            raise InputError("time.frame_rate", self.time.frame_rate, f"at most {MOST_FRAMES} frames in all")
+        super().check()
         for name in ("half_lengths", "line_densities", "angles", "spins"):
             given = getattr(self.chain, name)
             if len(given) not in (1, self.chain.segments):

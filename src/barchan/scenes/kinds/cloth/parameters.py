@@ -24,16 +24,15 @@ from barchan.scenes.kinds.cloth.inverse import InverseGroup
 from barchan.scenes.kinds.sand.entries import Share
 from barchan.scenes.kinds.sand.parameters import check_vectors
 from barchan.scenes.parameters import (
-    MOST_FRAMES,
     Count,
     Group,
     NotNegative,
-    Positive,
+    ProblemWriting,
     SceneHeader,
-    SceneParameters,
+    SteppedParameters,
+    StepSolver,
+    anchor_file,
 )
-
-MOST_STEPS = 1_000_000  # of a run: a moving body has a keyframe each
 
 _NEEDED = {
     "rectangle": ("size",), "disc": ("radius",), "skirt": ("waist_radius", "hem_radius", "length"), "mesh": (),
@@ -66,38 +65,23 @@ class ClothContact(Group):
     )
 
 
-class ClothTime(Group):
-    """[time]"""
-
-    end: Positive = Field(description="simulated time, s")
-    frame_rate: Positive = Field(description="frames stored per second")
-    step: Positive = Field(description="time step, s")
-
-
-class ClothSolver(Group):
+class ClothSolver(StepSolver):
     """[solver]"""
 
     method: str = Field(
         default="auto", min_length=1, description="friction solver; auto: nodal where it applies"
     )
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=1e-6, description="largest certificate of a step"
-    )
     max_sweeps: Count = Field(default=20_000, description="most solver iterations in a step")
     iterations: Count = Field(default=1, description="linearisations of the elastic forces in a step")
 
 
-class ClothObserve(Group):
+class ClothObserve(ProblemWriting):
     """[observe]"""
 
-    write_problems_every: Annotated[int, Field(ge=0)] = Field(
-        default=0,
-        description="steps from one friction problem written to the run folder to the next; 0: never",
-    )
     colour: Literal["speed", "height"] = Field(default="speed", description="of the cloth in pictures")
 
 
-class ClothParameters(SceneParameters):
+class ClothParameters(SteppedParameters):
     """A complete scene of kind "cloth"."""
 
     scene: ClothHeader
@@ -107,7 +91,6 @@ class ClothParameters(SceneParameters):
     bodies: ClothBodiesTable = ClothBodiesTable()
     contact: ClothContact = ClothContact()
     inverse: InverseGroup = InverseGroup()
-    time: ClothTime
     solver: ClothSolver = ClothSolver()
     observe: ClothObserve = ClothObserve()
 
@@ -129,16 +112,6 @@ class ClothParameters(SceneParameters):
         return f"about {area / (math.sqrt(0.75) * cloth.spacing**2):.0f} vertices"
 
     @property
-    def frame_rate(self) -> float:
-        """Frames per second."""
-        return self.time.frame_rate
-
-    @property
-    def frame_count(self) -> int:
-        """Frames after the initial one."""
-        return max(1, round(self.time.end * self.time.frame_rate))
-
-    @property
     def gravity_vector(self) -> list[float]:
         """Gravity (3,) m/s^2, turned by the slope."""
         angle, g = math.radians(self.scene.slope_deg), self.scene.gravity
@@ -151,16 +124,13 @@ class ClothParameters(SceneParameters):
     @classmethod
     def anchored(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
         """Mesh files are taken from the folder of the scene file."""
-        bodies = tables.get("bodies", {})
-        for table in (tables.get("cloth"), *(bodies.values() if isinstance(bodies, dict) else ())):
-            name = table.get("file") if isinstance(table, dict) else None
-            if isinstance(table, dict) and isinstance(name, str) and name:
-                table["file"] = str((folder / name).resolve())
-        return tables
+        anchor_file(tables.get("cloth"), folder)
+        return super().anchored(tables, folder)
 
     def check(self) -> None:
         """Raise InputError unless the tables fit together; meshes and bodies are checked when they are made."""
-        cloth, pins, time = self.cloth, self.pins, self.time
+        super().check()
+        cloth, pins = self.cloth, self.pins
         check_vectors("cloth", cloth, ("position", "rotation", "velocity"), 3)
         for name, body in self.obstacles():
             vectors = ("position", "size", "normal", "rotation", "velocity", "spin", "amplitude", "swing")
@@ -179,7 +149,3 @@ class ClothParameters(SceneParameters):
             raise InputError("pins.points", pins.points, "given where, and only where, pins.where = 'points'")
         if pins.body and pins.body not in dict(self.obstacles()):
             raise InputError("pins.body", pins.body, "the name of a body")
-        if time.end * time.frame_rate > MOST_FRAMES:
-            raise InputError("time.frame_rate", time.frame_rate, f"at most {MOST_FRAMES} frames in all")
-        if time.end > MOST_STEPS * time.step:
-            raise InputError("time.step", time.step, f"at most {MOST_STEPS} steps in all (s)")

@@ -11,15 +11,18 @@ from barchan.scenes.kinds.cloth.parameters import ClothParameters
 
 def draw(parameters: ClothParameters, results: Results, summary: dict[str, Any], folder: Path) -> None:
     """cloth.png, curves.png and cloth.gif in `folder`."""
-    from barchan.results.cloth_pictures import ClothScene, draw_animation, draw_strip
+    from barchan.results.cloth_pictures import picture, shaded_view
+    from barchan.results.cloth_scenes import ClothScene
     from barchan.results.heap_pictures import draw_curves
+    from barchan.results.solid_scenes import draw_animation, draw_strip, painter
     from barchan.scenes.kinds.cloth.making import build_obstacles
 
     title = parameters.scene.description or parameters.scene.name
     scene = ClothScene(build_obstacles(parameters), results, parameters.observe.colour)
-    draw_strip(folder / "cloth.png", scene, title)
+    paint = painter(picture, shaded_view)
+    draw_strip(folder / "cloth.png", scene, title, paint)
     draw_curves(folder / "curves.png", results.times, _panels(results), title)
-    draw_animation(folder / "cloth.gif", scene, title)
+    draw_animation(folder / "cloth.gif", scene, title, paint)
 
 
 def _panels(results: Results) -> list[tuple[str, dict[str, Any]]]:

@@ -6,8 +6,7 @@ SI units; the vertical is the last axis; friction coefficients are physical.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -23,16 +22,14 @@ from barchan.scenes.kinds.fibres.entries import (
 from barchan.scenes.kinds.sand.entries import Share
 from barchan.scenes.kinds.sand.parameters import check_vectors
 from barchan.scenes.parameters import (
-    MOST_FRAMES,
     Count,
     Group,
     NotNegative,
-    Positive,
+    ProblemWriting,
     SceneHeader,
-    SceneParameters,
+    SteppedParameters,
+    StepSolver,
 )
-
-MOST_STEPS = 1_000_000  # of a run with bodies that oscillate or follow the roots: a keyframe each
 
 
 class FibresHeader(SceneHeader):
@@ -62,43 +59,26 @@ class FibresContact(Group):
     bare: NotNegative = Field(default=0.0, description="length of fibre at the roots that touches nothing, m")
 
 
-class FibresTime(Group):
-    """[time]"""
-
-    end: Positive = Field(description="simulated time, s")
-    frame_rate: Positive = Field(description="frames stored per second")
-    step: Positive = Field(description="time step, s")
-
-
-class FibresSolver(Group):
+class FibresSolver(StepSolver):
     """[solver]"""
 
-    method: str = Field(default="auto", min_length=1, description="name of the friction solver")
     local_solver: str = Field(
         default="",
         description="of one contact, for sweeps; empty: the method's own",
         json_schema_extra={"accepted": "a name, or nothing"},
     )
-    tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=1e-6, description="largest certificate of a step"
-    )
-    max_sweeps: Count = Field(default=10_000, description="most solver iterations in a step")
     min_sweeps: Annotated[int, Field(ge=0)] = Field(
         default=0, description="fewest solver iterations in a step"
     )
 
 
-class FibresObserve(Group):
+class FibresObserve(ProblemWriting):
     """[observe]"""
 
-    write_problems_every: Annotated[int, Field(ge=0)] = Field(
-        default=0,
-        description="steps from one friction problem written to the run folder to the next; 0: never",
-    )
     colour: Literal["speed", "fibre"] = Field(default="speed", description="of fibres in pictures")
 
 
-class FibresParameters(SceneParameters):
+class FibresParameters(SteppedParameters):
     """A complete scene of kind "fibres"."""
 
     scene: FibresHeader
@@ -107,7 +87,6 @@ class FibresParameters(SceneParameters):
     bodies: ObstaclesTable = ObstaclesTable()
     contact: FibresContact = FibresContact()
     inverse: InverseGroup = InverseGroup()
-    time: FibresTime
     solver: FibresSolver = FibresSolver()
     observe: FibresObserve = FibresObserve()
 
@@ -130,33 +109,14 @@ class FibresParameters(SceneParameters):
         """Number of fibres."""
         return 1 if self.fibres.arrangement == "single" else self.fibres.count
 
-    @property
-    def frame_rate(self) -> float:
-        """Frames per second."""
-        return self.time.frame_rate
-
-    @property
-    def frame_count(self) -> int:
-        """Frames after the initial one."""
-        return max(1, round(self.time.end * self.time.frame_rate))
-
     def obstacles(self) -> Iterator[tuple[str, ObstacleEntry]]:
         """Names and tables of [bodies]."""
         yield from (self.bodies.model_extra or {}).items()
 
-    @classmethod
-    def anchored(cls, tables: dict[str, Any], folder: Path) -> dict[str, Any]:
-        """Mesh files of bodies are taken from the folder of the scene file."""
-        bodies = tables.get("bodies", {})
-        for body in bodies.values() if isinstance(bodies, dict) else ():
-            name = body.get("file") if isinstance(body, dict) else None
-            if isinstance(name, str) and name:
-                body["file"] = str((folder / name).resolve())
-        return tables
-
     def check(self) -> None:
         """Raise InputError unless the tables fit together; bodies are checked when they are made."""
-        fibres, time = self.fibres, self.time
+        super().check()
+        fibres = self.fibres
         check_vectors("fibres", fibres, ("position", "direction"), 3)
         check_vectors("roots", self.roots, ("amplitude", "axis", "pivot"), 3)
         vectors = ("position", "size", "normal", "rotation", "velocity", "spin", "amplitude", "swing")
@@ -173,10 +133,6 @@ class FibresParameters(SceneParameters):
         if shortest / fibres.segments < fibres.radius:
             allowed = f"at most {shortest / fibres.segments:g}, the length of a segment (m)"
             raise InputError("fibres.radius", fibres.radius, allowed)
-        if time.end * time.frame_rate > MOST_FRAMES:
-            raise InputError("time.frame_rate", time.frame_rate, f"at most {MOST_FRAMES} frames in all")
-        if time.end > MOST_STEPS * time.step:
-            raise InputError("time.step", time.step, f"at most {MOST_STEPS} steps in all (s)")
         if self.contact.law == "faceted" and self.solver.method != "auto":
             raise InputError("solver.method", self.solver.method, "'auto' for the faceted law")
         sweeping = ("gauss_seidel", "symmetric_gauss_seidel", "sor")

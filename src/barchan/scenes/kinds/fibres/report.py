@@ -11,18 +11,20 @@ from barchan.scenes.kinds.fibres.parameters import FibresParameters
 
 def draw(parameters: FibresParameters, results: Results, summary: dict[str, Any], folder: Path) -> None:
     """fibres.png, curves.png and fibres.gif in `folder`."""
-    from barchan.results.fibre_pictures import draw_animation, draw_strip
+    from barchan.results.fibre_pictures import picture, side_view
     from barchan.results.fibre_scenes import FibreScene
     from barchan.results.heap_pictures import draw_curves
+    from barchan.results.solid_scenes import draw_animation, draw_strip, painter
     from barchan.scenes.kinds.fibres.making import build_obstacles
 
     title = parameters.scene.description or parameters.scene.name
     scene = FibreScene(
         build_obstacles(parameters), parameters.fibres.radius, results, parameters.observe.colour
     )
-    draw_strip(folder / "fibres.png", scene, title)
+    paint = painter(picture, side_view)
+    draw_strip(folder / "fibres.png", scene, title, paint)
     draw_curves(folder / "curves.png", results.times, _panels(results), title)
-    draw_animation(folder / "fibres.gif", scene, title)
+    draw_animation(folder / "fibres.gif", scene, title, paint)
 
 
 def _panels(results: Results) -> list[tuple[str, dict[str, Any]]]:
