@@ -66,13 +66,14 @@ def test_blocks_given_as_such_are_those_of_the_sparse_matrix() -> None:
         DenseBlocks.of_blocks(np.concatenate([part.ravel() for part in parts]), np.array([3, 1, 5]))
 
 
-def test_large_components_are_dense_blocks_when_they_are_full_or_several() -> None:
+def test_large_components_are_dense_blocks_when_they_are_full_or_many() -> None:
     rng = np.random.default_rng(1)
     a = rng.normal(size=(100, 100))
     full = sp.csr_array(a @ a.T + 100.0 * np.eye(100))
     chain = sp.csr_array(sp.diags_array([-1.0, 2.1, -1.0], offsets=[-1, 0, 1], shape=(100, 100)))
     assert factorise(full).kind == "blocks" and factorise(chain).kind == "sparse"
-    assert factorise(sp.csr_array(sp.block_diag([chain, chain]))).kind == "blocks"
+    assert factorise(sp.csr_array(sp.block_diag(4 * [chain]))).kind == "blocks"
+    assert factorise(sp.csr_array(sp.block_diag(3 * [chain]))).kind == "sparse"
 
 
 @settings(max_examples=30, deadline=None)

@@ -35,7 +35,7 @@ def test_every_solver_has_a_scene() -> None:
     }
     for label, over in (runs | fibre_orbit.PYRAMIDS).items():
         job = fibre_orbit._job(label, over)
-        assert scenes.load(job.scene, **job.overrides).parameters.time.end == fibre_orbit.PERIODS  # type: ignore[attr-defined]
+        assert scenes.load(job.scene, **job.overrides).parameters.time.end == fibre_orbit.SECONDS  # type: ignore[attr-defined]
 
 
 def test_an_orbit_is_as_far_from_another_as_their_phases() -> None:

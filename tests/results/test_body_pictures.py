@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from barchan.results.body_solids import _camera
+from barchan.results.body_solids import camera
 
 SIZES = st.floats(0.05, 5.0)
 
@@ -20,7 +20,7 @@ def test_the_corners_of_the_window_are_just_inside_the_picture(
 ) -> None:
     lower = np.array([place, -place, 0.5 * place])
     upper = lower + np.array([x, y, z])
-    eye, middle = _camera((lower, upper), pixels, 30.0)
+    eye, middle = camera((lower, upper), pixels, 30.0)
     forward = (middle - eye) / np.linalg.norm(middle - eye)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)

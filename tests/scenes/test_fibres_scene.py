@@ -22,8 +22,8 @@ from barchan.scenes.kinds.fibres.model import FibresModel
 from barchan.scenes.kinds.fibres.motions import carried, root_motion
 
 WISP: dict[str, Any] = {
-    "fibres.count": 12, "fibres.segments": 3, "fibres.length": 0.06, "contact.bare": 0.002, "time.end": 0.04,
-    "time.frame_rate": 50.0, "time.step": 0.004,
+    "fibres.count": 12, "fibres.segments": 3, "fibres.length": 0.06, "contact.bare": 0.002, "time.end": 0.02,
+    "time.frame_rate": 100.0, "time.step": 0.002,
 }  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def test_a_run_that_goes_on_from_a_checkpoint_is_the_same_to_the_last_bit() -> N
     ends = []
     for own, state in ((model, middle), (again, again.restore(model.arrays(middle)))):
         for _ in range(5):
-            state, _ = own.advance(state, 0.004)
+            state, _ = own.advance(state, 0.002)
         ends.append(own.arrays(state))
     assert (
         all(np.array_equal(ends[0][key], ends[1][key]) for key in ends[0])
@@ -74,7 +74,7 @@ def test_friction_holds_a_swung_wisp_together() -> None:
     """Friction takes energy out of a wisp; without it none of the contacts pulls sideways."""
     energies = []
     for mu in (0.0, 0.6):
-        _, state, records = stepped("wisp", 25, **WISP, **{"contact.friction": mu})
+        _, state, records = stepped("wisp", 50, **WISP, **{"contact.friction": mu})
         energies.append(sum(record.kinetic_energy for record in records))
         sideways = np.abs(state.forces[:, 1:])
         assert np.max(sideways, initial=0.0) <= mu * np.max(state.forces[:, 0], initial=0.0) + 1e-12

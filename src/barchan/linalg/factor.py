@@ -22,8 +22,9 @@ from barchan.linalg.pardiso import Pardiso, available
 
 LARGEST_DENSE_COMPONENT = 64
 LARGEST_FULL_COMPONENT = (
-    256  # the same where half of the entries of the components are stored, or there are several
+    256  # the same where half of the entries of the components are stored, or there are many
 )
+FEWEST_COMPONENTS = 4  # of the largest size, that count as many
 SYMMETRY_TOLERANCE = 1e-8
 LARGEST_SUPERLU = 1000  # unknowns of a positive definite matrix beyond which Pardiso is preferred
 LARGEST_SERIAL = (
@@ -79,7 +80,7 @@ def factorise(M: sp.csr_array, name: str = "M") -> Factor:
         return Factor("diagonal", lambda x: (x.T / diagonal).T, 1.0 / diagonal)
     _, label = connected_components(M, directed=False)
     sizes = np.bincount(label).astype(np.int64)
-    pays = 2 * M.nnz >= (sizes**2).sum() or 2 * sizes.max() <= M.shape[0]
+    pays = 2 * M.nnz >= (sizes**2).sum() or FEWEST_COMPONENTS * sizes.max() <= M.shape[0]
     if sizes.max() <= (LARGEST_FULL_COMPONENT if pays else LARGEST_DENSE_COMPONENT):
         blocks = DenseBlocks.of(M, label, name)
         return Factor("blocks", blocks.solve, blocks=blocks)

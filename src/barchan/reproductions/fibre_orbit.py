@@ -46,7 +46,7 @@ PYRAMIDS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 QUICK = ("GS, hybrid MFB + Enum", "Newton, MFB")
-PERIODS = 6  # that are run; the last one is the orbit
+SECONDS = 6  # that are run; the last one, two periods of the ball, is the orbit
 ALLOWED = 0.01  # of the orbit, between exact solvers
 
 
@@ -73,7 +73,7 @@ def reproduce(workshop: Workshop) -> Report:
         "solver",
         "friction",
         "distance from the first orbit",
-        "from one period to the next",
+        "from one second to the next",
         "iterations",
         "certificate",
     )
@@ -91,11 +91,11 @@ def reproduce(workshop: Workshop) -> Report:
 
 def _job(label: str, overrides: dict[str, Any]) -> Job:
     folder = "".join(c if c.isalnum() else "_" for c in label)
-    return Job(folder, "fibre_on_ball", {"time.end": float(PERIODS), **overrides})
+    return Job(folder, "fibre_on_ball", {"time.end": float(SECONDS), **overrides})
 
 
 def orbit(run: Finished) -> Vector:
-    """(n, 6) places [m] and velocities [m/s] of the tip in the last second, a period of the ball."""
+    """(n, 6) places [m] and velocities [m/s] of the tip in the last second, two periods of the ball."""
     found = run.observables
     names = [f"tip_{axis}" for axis in "xyz"] + [f"tip_v{axis}" for axis in "xyz"]
     last = found["time"] > found["time"][-1] - 1.0 + 1e-6
@@ -103,7 +103,7 @@ def orbit(run: Finished) -> Vector:
 
 
 def drift(run: Finished) -> float:
-    """Distance of the last two periods."""
+    """Distance of the orbits of the last two seconds."""
     found = run.observables
     before = {name: values[found["time"] <= found["time"][-1] - 1.0 + 1e-6] for name, values in found.items()}
     return difference(orbit(run), orbit(Finished(run.summary, before, run.results)))
