@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -137,13 +137,14 @@ def test_bad_choices_are_named(field: str, choices: dict[str, Any]) -> None:
 
 @settings(max_examples=6, deadline=None)
 @given(st.integers(0, 10_000))
+@example(7198)
 def test_super_helices_are_fitted_to_themselves(seed: int) -> None:
     """The nodes of Super-Helices give curves whose fit is the same fibres, to the error of the spline."""
     rng = np.random.default_rng(seed)
     lengths, firsts = even_pieces([0.2, 0.3], 3)
     roots = StillRoots(rng.normal(size=(2, 3)), frames_along(rng.normal(size=(2, 3))))
     model = Helices(
-        lengths, firsts, roots, 1e-3, 1000.0, 1e7, natural=12.0 * rng.normal(size=(6, 3)), nodes_per_piece=30
+        lengths, firsts, roots, 1e-3, 1000.0, 1e7, natural=12.0 * rng.normal(size=(6, 3)), nodes_per_piece=60
     )
     nodes = model.centre_line(model.started())
     curves = np.split(nodes, model.node_offsets[1:-1])

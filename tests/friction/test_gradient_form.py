@@ -65,7 +65,7 @@ def strain_problem(
 @property_settings(max_examples=25, deadline=None)
 @given(
     st.integers(0, 10**6),
-    st.integers(3, 30),
+    st.integers(4, 30),
     st.sampled_from([2, 3]),
     st.booleans(),
     st.integers(0, 5),
