@@ -6,12 +6,11 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull as QuickHull
 
 from barchan.bodies.contact import ContactGeometry, ContactSet
-from barchan.bodies.contact._manifolds import FLAT
 from barchan.bodies.rigid import (
     Body,
     BodyStates,
@@ -211,7 +210,6 @@ def test_the_least_gap_of_convex_bodies_is_their_signed_distance(d: int, a: str,
 @pytest.mark.parametrize(("d", "a", "b"), PAIRS)
 @settings(max_examples=8)
 @given(seed=numbers)
-@example(seed=618)
 def test_contacts_lie_on_both_boundaries(d: int, a: str, b: str, seed: int) -> None:
     first, second = random_pair(seed, d, CONVEX[d][a], CONVEX[d][b])
     found, states = contacts_of(first, second), BodyStates.at_start([first, second])
@@ -219,14 +217,12 @@ def test_contacts_lie_on_both_boundaries(d: int, a: str, b: str, seed: int) -> N
         return
     shift, least = 0.5 * found.gaps[:, None] * found.normals, int(np.argmin(found.gaps))
     places = found.points + shift, found.points - shift
-    # faces that lie nearly across a normal share it: they are off by the square of the angle between them, over their extent
-    extents = [np.linalg.norm(np.subtract(*body.shape.bounds())) for body in (first, second)]
-    allowed = 4.0 * (1.0 - FLAT**2) * 0.5 * float(np.sum(extents))
     for body, row, points in zip((first, second), (states.row(0), states.row(1)), places, strict=True):
+        # faces and segments that are nearly parallel share a normal: they are off by the square of the angle
         distance = body_distance(body, row, points)
-        assert abs(distance[least]) < allowed
-        assert np.max(distance) < allowed  # a contact at the far end of a capsule lies on a ball in it
-        assert isinstance(body.shape, Capsule) or np.min(distance) > -allowed
+        assert abs(distance[least]) < 1e-3
+        assert np.max(distance) < 1e-3  # a contact at the far end of a capsule lies on a ball in it
+        assert isinstance(body.shape, Capsule) or np.min(distance) > -1e-3
 
 
 UNLIKE = [

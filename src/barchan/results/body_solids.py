@@ -13,21 +13,18 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw
 
 from barchan.bodies.rigid import HalfSpace, Sphere
-from barchan.results.animation import LARGEST_SIZE, encode
+from barchan.results import solid_scenes
 from barchan.results.body_pictures import FORCE_MAP
 from barchan.results.body_scenes import BodyScene, Window
 from barchan.results.figures import new_figure, save_figure
 from barchan.results.pictures import COLOUR_MAP
 from barchan.results.view import spread_frames
-from barchan.storage import write_bytes
 
 Vector = NDArray[np.float64]
 
 _PIXELS = (900, 720)
-_ANIMATIONS = (((520, 420), 50), ((420, 340), 35), ((320, 260), 20))  # pixels, number of frames
 _VIEW = np.array([0.9, -1.6, 0.75])  # from what is looked at to the eye
 _ROOM, _AIMS = 1.05, 3  # of the least distance of the eye; turns in which the window is brought to the middle
 _FACETS = 30  # across a body that is not a sphere
@@ -75,21 +72,12 @@ def draw_forces(path: Path, scene: BodyScene, title: str) -> None:
 
 def draw_animation(path: Path, scene: BodyScene, title: str) -> None:
     """An endless GIF of the run, at most 3 MB."""
-    if not _has_pyvista():
-        return
-    content = b""
-    for pixels, count in _ANIMATIONS:
-        frames = spread_frames(scene.results, count, float(scene.times[-1]))
-        images = []
-        for frame in frames:
-            image = Image.fromarray(picture(scene, frame, pixels, scene.window))
-            words = f"{title}   t = {scene.times[frame]:.2f} s"
-            ImageDraw.Draw(image).text((6, 4), words, fill=(0, 0, 0))
-            images.append(image)
-        content = encode(images)
-        if len(content) <= LARGEST_SIZE:
-            break
-    write_bytes(path, content)
+    if _has_pyvista():
+        solid_scenes.draw_animation(path, scene, title, _whole)
+
+
+def _whole(scene: BodyScene, frame: int, pixels: tuple[int, int]) -> NDArray[np.uint8]:
+    return picture(scene, frame, pixels, scene.window)
 
 
 def picture(

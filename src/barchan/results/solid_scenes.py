@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from matplotlib.cm import ScalarMappable
@@ -68,7 +68,27 @@ class SolidScene:
         return body.motion.position_at(time), matrix(body.rotation if turn is None else turn)
 
 
-Shown = TypeVar("Shown", bound=SolidScene)
+class ShownScene(Protocol):
+    """What strips and animations ask of a scene."""
+
+    @property
+    def results(self) -> Results:
+        """The stored run."""
+
+    @property
+    def times(self) -> Vector:
+        """(frames,) [s]."""
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Ends of the colour scale."""
+
+    @property
+    def label(self) -> str:
+        """What the colours mean."""
+
+
+Shown = TypeVar("Shown", bound=ShownScene)
 Painter = Callable[[Shown, int, Pixels], NDArray[np.uint8]]
 """(scene, frame, pixels) -> RGB image."""
 

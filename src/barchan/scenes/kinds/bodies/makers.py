@@ -13,9 +13,9 @@ from barchan.bodies.rigid import Body, Box, Capsule, Fixed, HalfSpace, Moved, Sh
 from barchan.bodies.rigid.rotations import exponential
 from barchan.bodies.soft import lattice_packing
 from barchan.errors import InputError
+from barchan.scenes.keyframes import steady_motion
 from barchan.scenes.kinds.bodies.cards import card_places
 from barchan.scenes.kinds.bodies.entries import GeneratorEntry
-from barchan.scenes.kinds.bodies.single import steady_motion
 
 Vector = NDArray[np.float64]
 

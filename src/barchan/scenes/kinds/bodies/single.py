@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -23,14 +22,19 @@ from barchan.bodies.rigid import (
     Sphere,
     TriangleMesh,
 )
-from barchan.bodies.rigid.rotations import exponential, identity, product
 from barchan.errors import InputError
+from barchan.scenes.keyframes import (
+    end_of_drive,
+    rotation_of,
+    scripted_motion,
+    steady_motion,
+    turning_of,
+    vector_of,
+)
 from barchan.scenes.kinds.bodies.entries import BodyEntry
-from barchan.scenes.kinds.sand.shapes import rotation_of
 
 Vector = NDArray[np.float64]
 
-_LARGEST_TURN = math.radians(60.0)  # between two keyframes of a body that is driven round
 _KEYS = {
     "vertices": "points",
     "half_extents": "size",
@@ -115,10 +119,10 @@ def _free(field: str, entry: BodyEntry, dimension: int) -> dict[str, Any]:
         "motion": Free(held=tuple(entry.held or ())),
         "density": entry.density,
         "mass": entry.mass,
-        "velocity": _vector(entry.velocity, dimension),
-        "spin": _spin(f"{field}.spin", entry.spin, dimension),
-        "force": _vector(entry.force, dimension),
-        "torque": _spin(f"{field}.torque", entry.torque, dimension),
+        "velocity": vector_of(entry.velocity, dimension),
+        "spin": turning_of(f"{field}.spin", entry.spin, dimension),
+        "force": vector_of(entry.force, dimension),
+        "torque": turning_of(f"{field}.torque", entry.torque, dimension),
     }
 
 
@@ -126,53 +130,7 @@ def _driven(field: str, entry: BodyEntry, dimension: int, rotation: Vector | Non
     if entry.motion == "fixed":
         return Fixed()
     if entry.motion == "scripted":
-        return _scripted(field, entry, dimension)
-    stop = entry.stop if entry.stop is not None else 2.0 * end + entry.start
-    if stop <= entry.start:
-        raise InputError(f"{field}.stop", stop, f"later than the body starts, {entry.start:g} s")
-    velocity, spin = _vector(entry.velocity, dimension), _spin(f"{field}.spin", entry.spin, dimension)
+        return scripted_motion(field, entry, dimension)
+    stop = end_of_drive(field, entry.start, entry.stop, end)
+    velocity, spin = vector_of(entry.velocity, dimension), turning_of(f"{field}.spin", entry.spin, dimension)
     return steady_motion(np.array(entry.position), rotation, velocity, spin, entry.start, stop)
-
-
-def steady_motion(
-    position: Vector, rotation: Vector | None, velocity: Vector, spin: Vector, start: float, stop: float
-) -> Prescribed:
-    """Keyframes of a constant velocity (d,) and spin (3,) or (1,) from `start` to `stop` (s)."""
-    turn = float(np.linalg.norm(spin)) * (stop - start)
-    times = np.linspace(start, stop, max(2, math.ceil(turn / _LARGEST_TURN) + 1))
-    begin = identity(len(position)) if rotation is None else rotation
-    places = position + np.outer(times - start, velocity)
-    turns = np.array([product(exponential(t * spin), begin) for t in times - start])
-    return Prescribed(times, places, turns)
-
-
-def _scripted(field: str, entry: BodyEntry, dimension: int) -> Motion:
-    """Keyframes as they stand in the table."""
-    if entry.times is None or entry.positions is None:
-        missing = "times" if entry.times is None else "positions"
-        raise InputError(f"{field}.{missing}", "missing", "given for a scripted body")
-    for name in ("positions", "rotations"):
-        rows = getattr(entry, name)
-        if rows is not None and len(rows) != len(entry.times):
-            allowed = f"{len(entry.times)} rows, one for each of the times"
-            raise InputError(f"{field}.{name}", f"{len(rows)} rows", allowed)
-    if any(len(row) != dimension for row in entry.positions):
-        raise InputError(f"{field}.positions", entry.positions, f"rows of {dimension} numbers")
-    turns = None
-    if entry.rotations is not None:
-        turns = np.array([rotation_of(f"{field}.rotations", row, dimension) for row in entry.rotations])
-    return Prescribed(np.array(entry.times), np.array(entry.positions), turns)
-
-
-def _vector(value: list[float] | None, dimension: int) -> Vector:
-    return np.zeros(dimension) if value is None else np.array(value, dtype=np.float64)
-
-
-def _spin(field: str, value: list[float] | None, dimension: int) -> Vector:
-    """An angular velocity or torque: one number in the plane, three in space."""
-    count = 1 if dimension == 2 else 3
-    if value is None:
-        return np.zeros(count)
-    if len(value) != count:
-        raise InputError(field, value, "one number in 2D, three in 3D")
-    return np.array(value, dtype=np.float64)

@@ -23,11 +23,11 @@ from barchan.bodies.rigid import Body, Fixed, Motion, Polygon, Prescribed, Revol
 from barchan.bodies.rigid.rotations import exponential, identity, matrix, product
 from barchan.errors import InputError
 from barchan.friction import methods
+from barchan.scenes.keyframes import rotation_of
 from barchan.scenes.kinds.bodies.entries import BodyEntry
 from barchan.scenes.kinds.bodies.single import build_single
 from barchan.scenes.kinds.cloth.entries import ClothBodyEntry, ClothGroup
 from barchan.scenes.kinds.cloth.parameters import ClothParameters
-from barchan.scenes.kinds.sand.shapes import rotation_of
 
 Vector = NDArray[np.float64]
 

@@ -19,12 +19,12 @@ from barchan.bodies.rigid.rotations import identity
 from barchan.errors import InputError
 from barchan.friction import methods
 from barchan.friction.local import LOCAL_SOLVERS
+from barchan.scenes.keyframes import rotation_of
 from barchan.scenes.kinds.bodies.entries import BodyEntry
 from barchan.scenes.kinds.bodies.single import build_single
 from barchan.scenes.kinds.fibres.entries import FibresGroup, ObstacleEntry
 from barchan.scenes.kinds.fibres.motions import Placement, carried, keyframes, root_motion, swinging
 from barchan.scenes.kinds.fibres.parameters import FibresParameters
-from barchan.scenes.kinds.sand.shapes import rotation_of
 
 Vector = NDArray[np.float64]
 

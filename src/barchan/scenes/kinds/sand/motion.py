@@ -5,23 +5,27 @@ A driven body, a script and a pen all become keyframes of a prescribed motion wi
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from barchan.bodies.rigid import Body, Fixed, Free, Motion, Prescribed
-from barchan.bodies.rigid.rotations import exponential, identity, product
 from barchan.errors import InputError
+from barchan.scenes.keyframes import (
+    end_of_drive,
+    rotation_of,
+    scripted_motion,
+    steady_motion,
+    turning_of,
+    vector_of,
+)
 from barchan.scenes.kinds.sand.entries import BodyTable
 from barchan.scenes.kinds.sand.letters import pen_script, strokes_of
 from barchan.scenes.kinds.sand.parameters import SandParameters
-from barchan.scenes.kinds.sand.shapes import rotation_of, shape_of_body
+from barchan.scenes.kinds.sand.shapes import shape_of_body
 
 Vector = NDArray[np.float64]
-
-_LARGEST_TURN = math.radians(60.0)  # between two keyframes of a body that is driven round
 
 
 def build_bodies(parameters: SandParameters) -> list[Body]:
@@ -68,10 +72,10 @@ def _free(field: str, table: BodyTable, dimension: int) -> dict[str, Any]:
         "motion": Free(held=tuple(table.held or ())),
         "density": table.density,
         "mass": table.mass,
-        "velocity": _vector(table.velocity, dimension),
-        "spin": _spin(f"{field}.spin", table.spin, dimension),
-        "force": _vector(table.force, dimension),
-        "torque": _spin(f"{field}.torque", table.torque, dimension),
+        "velocity": vector_of(table.velocity, dimension),
+        "spin": turning_of(f"{field}.spin", table.spin, dimension),
+        "force": vector_of(table.force, dimension),
+        "torque": turning_of(f"{field}.torque", table.torque, dimension),
         "torque_frame": table.torque_frame,
     }
 
@@ -85,43 +89,15 @@ def _driven_motion(
         return _driven(field, table, parameters, rotation)
     if table.motion == "writing":
         return _writing(field, table, parameters)
-    return _scripted(field, table, parameters.dimension)
+    return scripted_motion(field, table, parameters.dimension)
 
 
 def _driven(field: str, table: BodyTable, parameters: SandParameters, rotation: Vector | None) -> Motion:
     """Constant velocity and spin from `start` to `stop`."""
     d = parameters.dimension
-    stop = table.stop if table.stop is not None else 2.0 * parameters.time.end + table.start
-    if stop <= table.start:
-        raise InputError(f"{field}.stop", stop, f"later than the body starts, {table.start:g} s")
-    velocity, spin = _vector(table.velocity, d), _spin(f"{field}.spin", table.spin, d)
-    turn = float(np.linalg.norm(spin)) * (stop - table.start)
-    times = np.linspace(table.start, stop, max(2, math.ceil(turn / _LARGEST_TURN) + 1))
-    since = times - table.start
-    begin = identity(d) if rotation is None else rotation
-    positions = np.array(table.position) + np.outer(since, velocity)
-    rotations = np.array([product(exponential(t * spin), begin) for t in since])
-    return Prescribed(times, positions, rotations)
-
-
-def _scripted(field: str, table: BodyTable, dimension: int) -> Motion:
-    """Keyframes as they stand in the table."""
-    if table.times is None or table.positions is None:
-        missing = "times" if table.times is None else "positions"
-        raise InputError(f"{field}.{missing}", "missing", "given for a scripted body")
-    count = len(table.times)
-    for name in ("positions", "rotations"):
-        rows = getattr(table, name)
-        if rows is not None and len(rows) != count:
-            raise InputError(
-                f"{field}.{name}", f"{len(rows)} rows", f"{count} rows, one for each of the times"
-            )
-    if any(len(row) != dimension for row in table.positions):
-        raise InputError(f"{field}.positions", table.positions, f"rows of {dimension} numbers")
-    rotations = None
-    if table.rotations is not None:
-        rotations = np.array([rotation_of(f"{field}.rotations", row, dimension) for row in table.rotations])
-    return Prescribed(np.array(table.times), np.array(table.positions), rotations)
+    stop = end_of_drive(field, table.start, table.stop, parameters.time.end)
+    velocity, spin = vector_of(table.velocity, d), turning_of(f"{field}.spin", table.spin, d)
+    return steady_motion(np.array(table.position), rotation, velocity, spin, table.start, stop)
 
 
 def _writing(field: str, table: BodyTable, parameters: SandParameters) -> Motion:
@@ -140,17 +116,3 @@ def _writing(field: str, table: BodyTable, parameters: SandParameters) -> Motion
         raise InputError(f"{field}.text", error.value, error.allowed) from None
     times, positions = pen_script(strokes, np.array(table.position), table.lift, table.speed, table.start)
     return Prescribed(times, positions)
-
-
-def _vector(value: list[float] | None, dimension: int) -> Vector:
-    return np.zeros(dimension) if value is None else np.array(value, dtype=np.float64)
-
-
-def _spin(field: str, value: list[float] | None, dimension: int) -> Vector:
-    """An angular velocity or torque: one number in the plane, three in space."""
-    count = 1 if dimension == 2 else 3
-    if value is None:
-        return np.zeros(count)
-    if len(value) != count:
-        raise InputError(field, value, "one number in 2D, three in 3D")
-    return np.array(value, dtype=np.float64)

@@ -24,8 +24,8 @@ from barchan.bodies.rigid import (
     sample_mesh,
     wheel,
 )
-from barchan.bodies.rigid.rotations import exponential
 from barchan.errors import InputError
+from barchan.scenes.keyframes import rotation_of
 from barchan.scenes.kinds.sand.entries import BodyTable, Piece
 from barchan.scenes.kinds.sand.parameters import SAMPLE_MESH
 from barchan.scenes.parameters import Group
@@ -33,16 +33,6 @@ from barchan.scenes.parameters import Group
 Vector = NDArray[np.float64]
 
 _AXES = {"x": 0, "y": 1, "z": 2}
-
-
-def rotation_of(field: str, degrees: list[float] | None, dimension: int) -> Vector | None:
-    """Rotation (1,) or unit quaternion (4,) of a rotation vector in degrees; None for none."""
-    if degrees is None:
-        return None
-    count = 1 if dimension == 2 else 3
-    if len(degrees) != count:
-        raise InputError(field, degrees, "one angle in 2D, three numbers in 3D (degrees)")
-    return np.asarray(exponential(np.radians(np.array(degrees, dtype=np.float64))))
 
 
 def shape_of_piece(field: str, piece: Piece, dimension: int) -> Shape:
